@@ -371,7 +371,7 @@ def calibrate(
         del document["draws"]
         print_json({"campaign": plan.campaign_id, "store": opened.url, **document, "file": output and str(output)})
         return
-    _print_calibration(found, plan.mechanism.response_units())
+    _print_calibration(found)
     if output is not None:
         print_text(f"wrote {output}; a campaign draws from it with, for each constant:")
         targets = plan.spec.targets()
@@ -381,8 +381,9 @@ def calibrate(
             print_text(f"variables.{dumps(name)} = {{ {pairs} }}")
 
 
-def _print_calibration(found: "Calibration", units: "dict[str, str]") -> None:
+def _print_calibration(found: "Calibration") -> None:
     """Print which combinations of constants the data determine, then the constants, then each measurement explained."""
+    units = found.units
     for words in found.told:
         print_text(words)
     rows: list[tuple[str, ...]] = [

@@ -1,11 +1,13 @@
 """Calibration: constants of a mechanism from bench measurements, by the rows of a campaign that varies them.
 
 The file of measurements is TOML: which variables of the campaign are the unknown constants, what the model lacks, and
-the measured values with their uncertainties. The distributions of the constants in the campaign are the prior.
+the measured values with their uncertainties. The distributions of the constants in the campaign are the prior. Values
+of several benches name the campaign on theirs, which draws the same variables.
 """
 
 import csv
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -62,10 +64,18 @@ class Measurement(TableModel, strict=True):
     response: ShortName = Field(description="The response of the mechanism.")
     value: Number = Field(description="What was measured, in the response's unit.")
     sigma: PositiveNumber = Field(description="Standard uncertainty of the value (k = 1), in the response's unit.")
+    campaign: ShortName | None = Field(
+        None, description="Id of the campaign on this value's bench, which has the same variables; if absent the first."
+    )
     specimen: ShortName = Field("1", description="Which device was measured; all values are of one if absent.")
     at: dict[ShortName, Number] = Field(
         default={}, description="Variables of the campaign that are known there, as a set position or a measured size."
     )
+
+    @property
+    def key(self) -> str:
+        """The response, with its campaign if that is not the first."""
+        return self.response if self.campaign is None else f"{self.response} ({self.campaign})"
 
 
 class MeasurementsFile(TableModel, strict=True):
@@ -144,37 +154,54 @@ def calibrate_campaign(
 
 def calibrated(store: Store, plan: Plan, file: MeasurementsFile, *, seed: int = 0) -> Calibration:
     """Return what `calibrate_campaign` returns, of an open store."""
-    if faults := list(_faults(plan, file)):
+    named = dict.fromkeys([None, *(each.campaign for each in file.measurements)])
+    plans = {name: plan if name is None else store.plan(store.find(name)) for name in named}
+    if faults := list(_faults(plans, file)):
         raise SpecError("\n  ".join(["measurements:", *map(str, faults)]), faults)
-    columns = independent_samples(store, plan)
-    names = [name for name in varied(plan.spec) if np.ptp(columns.values[name]) > 0]
+    columns = {name: independent_samples(store, each) for name, each in plans.items()}
+    names = [name for name in varied(plan.spec) if all(np.ptp(each.values[name]) > 0 for each in columns.values())]
     measured = _measured(file, columns, names)
+    emulators = dict[str, Emulator]()
+    for name, each in plans.items():
+        keys = {m.key: m.response for m in file.measurements if m.campaign == name}
+        try:
+            emulators |= emulated(columns[name], names, keys)
+        except ReportError as error:
+            raise CampaignError(f"{each.campaign_id}: {error}") from error
     try:
-        emulators = emulated(columns, names, dict.fromkeys(measured.response))
-        return calibrate(emulators, measured, _prior(plan.spec, names, file), _lacking(file, columns), seed=seed)
+        found = calibrate(emulators, measured, _prior(plan.spec, names, file), _lacking(file, columns), seed=seed)
     except ReportError as error:
         raise CampaignError(f"{plan.campaign_id}: {error}") from error
+    units = {each.key: plans[each.campaign].mechanism.response_units()[each.response] for each in file.measurements}
+    return replace(found, units=units)
 
 
-def emulated(columns: SampleColumns, names: list[str], responses: "Mapping[str, object]") -> dict[str, Emulator]:
-    """Return an emulator of each response by the named variables; ReportError says for which there is none."""
+def emulated(columns: SampleColumns, names: list[str], responses: Mapping[str, str]) -> dict[str, Emulator]:
+    """Return by key an emulator of each response by the named variables; ReportError says for which there is none."""
     x = np.column_stack([columns.values[name] for name in names]) if names else np.empty((columns.number.size, 0))
     found = {}
-    for name in responses:
-        has = np.isfinite(columns.values[name])
+    for name, response in responses.items():
+        has = np.isfinite(columns.values[response])
         try:
-            found[name] = fit_emulator(x[has], columns.values[name][has])
+            found[name] = fit_emulator(x[has], columns.values[response][has])
         except ReportError as error:
             raise ReportError(f"{name}: {error}") from error
     return found
 
 
-def _faults(plan: Plan, file: MeasurementsFile) -> Iterator[SpecFault]:
-    """Yield what in the file does not fit the campaign."""
-    responses, variables = list(plan.mechanism.responses), varied(plan.spec)
-    named = [(["discrepancy", name], name) for name in file.discrepancy]
-    named += [(["measurements", str(i), "response"], each.response) for i, each in enumerate(file.measurements)]
-    for keys, name in named:
+def _faults(plans: Mapping[str | None, Plan], file: MeasurementsFile) -> Iterator[SpecFault]:
+    """Yield what in the file does not fit the campaigns."""
+    plan, variables = plans[None], varied(plans[None].spec)
+    for name, each in plans.items():
+        if differing := _differing(plan.spec, each.spec):
+            keys = ["measurements", str(next(i for i, m in enumerate(file.measurements) if m.campaign == name))]
+            text = f"{differing} differ from those of {plan.campaign_id}; give both campaigns the same variables"
+            yield fault([*keys, "campaign"], name, text)
+    every = [name for each in plans.values() for name in each.mechanism.responses]
+    asked = [(["discrepancy", name], name, every) for name in file.discrepancy]
+    for i, m in enumerate(file.measurements):
+        asked.append((["measurements", str(i), "response"], m.response, list(plans[m.campaign].mechanism.responses)))
+    for keys, name, responses in asked:
         if name not in responses:
             known = f"{', '.join(responses)}{did_you_mean(name, responses)}"
             yield fault(keys, name, f"the mechanism has no such response; allowed: {known}")
@@ -204,14 +231,24 @@ def _faults(plan: Plan, file: MeasurementsFile) -> Iterator[SpecFault]:
         yield fault(["constants"], None, text)
 
 
-def _measured(file: MeasurementsFile, columns: SampleColumns, names: list[str]) -> Measured:
+def _differing(spec: CampaignSpec, other: CampaignSpec) -> str:
+    """Return which variables of another bench's campaign are not those of the first; empty if all are."""
+    names = [name for name in {**spec.variables, **other.variables} if _drawn(spec, name) != _drawn(other, name)]
+    return ", ".join(names) or ("correlations" if spec.correlations != other.correlations else "")
+
+
+def _drawn(spec: CampaignSpec, name: str) -> tuple[object, object]:
+    return spec.variables.get(name), spec.targets().get(name)
+
+
+def _measured(file: MeasurementsFile, columns: Mapping[str | None, SampleColumns], names: list[str]) -> Measured:
     """Return the measurements as arrays; SpecError: a known value lies where the campaign has no rows."""
     known = np.full((len(file.measurements), len(names)), np.nan)
     for i, each in enumerate(file.measurements):
         for name, value in each.at.items():
             if name not in names:
                 continue
-            column = columns.values[name]
+            column = columns[each.campaign].values[name]
             if not column.min() <= value <= column.max():
                 raise SpecError(
                     f"measurements.{i}.at.{name}: {value:g} lies beyond the rows of the campaign, {column.min():.4g} to"
@@ -219,7 +256,7 @@ def _measured(file: MeasurementsFile, columns: SampleColumns, names: list[str]) 
                 )
             known[i, names.index(name)] = value
     return Measured(
-        response=tuple(each.response for each in file.measurements),
+        response=tuple(each.key for each in file.measurements),
         value=np.array([each.value for each in file.measurements]),
         sigma=np.array([each.sigma for each in file.measurements]),
         specimen=tuple(each.specimen for each in file.measurements),
@@ -243,14 +280,15 @@ def _prior(spec: CampaignSpec, names: list[str], file: MeasurementsFile) -> Prio
     return Prior(tuple(names), tuple(file.constants), values, moments[:, 0], moments[:, 1])
 
 
-def _lacking(file: MeasurementsFile, columns: SampleColumns) -> dict[str, Discrepancy]:
+def _lacking(file: MeasurementsFile, columns: Mapping[str | None, SampleColumns]) -> dict[str, Discrepancy]:
     found = {}
-    for name in dict.fromkeys(each.response for each in file.measurements):
-        given = file.discrepancy.get(name)
+    for each in file.measurements:
+        given = file.discrepancy.get(each.response)
         if given is None:
-            found[name] = Discrepancy(USUAL_DISCREPANCY * float(np.nanstd(columns.values[name])), True)
+            spread = float(np.nanstd(columns[each.campaign].values[each.response]))
+            found[each.key] = Discrepancy(USUAL_DISCREPANCY * spread, True)
         else:
-            found[name] = Discrepancy(given.scale or given.sigma or 0.0, given.scale is not None)
+            found[each.key] = Discrepancy(given.scale or given.sigma or 0.0, given.scale is not None)
     return found
 
 

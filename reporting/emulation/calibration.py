@@ -17,7 +17,7 @@ Fisher information of the emulated responses, whose eigenvectors are combination
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -129,6 +129,7 @@ class Calibration:
     quality: dict[str, Quality]
     notes: tuple[str, ...]
     draws: dict[str, Array]  # of the constants, row by row, along their main direction
+    units: dict[str, str] = field(default_factory=dict)  # of the responses
 
     def holds(self, values: Mapping[str, float], share: float = CONFIDENCE) -> bool:
         """Return whether values of the constants lie in the ellipsoid around the draws' mean that has this share."""

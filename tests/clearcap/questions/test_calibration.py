@@ -75,6 +75,39 @@ def test_a_constant_is_found_again(bench, tmp_path):
     assert set(values) <= set(found.draws["J1"])
 
 
+def test_values_of_two_benches_are_used_together(bench, campaign, tmp_path):
+    """A response of another campaign, of its rows; one that draws other variables is refused."""
+    _, plan, row = bench
+
+    def other(name, **changes):
+        spec = campaign.spec.model_copy(update={"name": name, "seed": 99, "samples": 60, **changes})
+        return computed(tmp_path / "runs", replace(campaign, spec=spec), 20)[1]
+
+    also = other("also")
+    known = {"preload": float(row["preload"])}
+    tables = {
+        "constants": ["J1"],
+        "discrepancy": {"FC-1": {"sigma": 0.0}, "FC-2": {"sigma": 0.0}},
+        "measurements": [
+            {"response": "FC-1", "value": float(row["FC-1"]) + 0.02, "sigma": 0.01, "at": known},
+            {"response": "FC-1", "value": float(row["FC-1"]) - 0.02, "sigma": 0.01, "at": known, "campaign": "also"},
+        ],
+    }
+    found = clearcap.calibrate_campaign(tables, plan.campaign_id)
+    assert list(found.quality) == list(found.units) == ["FC-1", "FC-1 (also)"]
+    assert found.units["FC-1 (also)"] == also.mechanism.response_units()["FC-1"]
+    alone = clearcap.calibrate_campaign({**tables, "measurements": tables["measurements"][:1]}, plan.campaign_id)
+    (both,), (one,) = found.constants, alone.constants
+    assert both.mean == pytest.approx(row["J1"], abs=0.3 * both.prior_std)
+    assert both.std < one.std
+    variables = dict(campaign.spec.variables)
+    variables["J1"] = variables["J1"].model_copy(update={"std": 0.5 * variables["J1"].std})
+    other("differs", variables=variables)
+    tables["measurements"][1]["campaign"] = "differs"
+    with pytest.raises(SpecError, match=r"measurements\.1\.campaign.*J1 differ"):
+        clearcap.calibrate_campaign(tables, plan.campaign_id)
+
+
 def test_faults_are_named(bench):
     """Each fault of the file names its key; an absent file and absent rows say so."""
     _, plan, row = bench
