@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import clearcap
 from campaign.samples import independent_samples
 from campaign.spec.load import load_campaign
 from campaign.store.store import repeated_shares
@@ -45,27 +46,25 @@ COSTS = {"variables": {"J1": {"cost": 0.05}, "J2": {"cost": 0.03}}}
 SLOPES = np.array([3.0, 2.0])
 
 
-def lever(kink, mechanism, values, **settings):
-    """Return a run whose FC-1 is linear in J1 and J2, but for a kink where |J1| is large."""
+def lever(gain, mechanism, values, **settings):
+    """Return a run whose FC-1 is linear in J1 and J2."""
     run = fake_engine.simulate(mechanism, values)
     one, two = values["J1"] - 0.07, values["J2"] - 0.07
-    y = 10 + SLOPES[0] * one + SLOPES[1] * two + kink * math.copysign(max(abs(one) - 0.016, 0.0), one)
-    return replace(run, responses=run.responses | {"FC-1": y})
+    return replace(run, responses=run.responses | {"FC-1": 10 + gain * (SLOPES[0] * one + SLOPES[1] * two)})
 
 
 @pytest.fixture
 def asked(tmp_path):
-    """Return a store, a plan with rows, the costs, and what computes a further campaign of the same lever."""
+    """Return a store, a plan with rows, the costs, and what computes a further campaign of a lever."""
 
-    def make(kink=0.0, text=LEVER, costs=COSTS):
+    def make(fresh_gain=1.0, text=LEVER, costs=COSTS):
         path = tmp_path / "lever.toml"
         path.write_text(text)
-        simulate = partial(lever, kink)
-        store, plan = computed(tmp_path / "s", load_campaign(str(path)), 300, simulate)
+        store, plan = computed(tmp_path / "s", load_campaign(str(path)), 300, partial(lever, 1.0))
 
         def compute(fresh):
+            address = CampaignAddress.of(store, fresh, partial(lever, fresh_gain), repeated_shares(store, fresh))
             for batch in range(len(fresh.batches)):
-                address = CampaignAddress.of(store, fresh, simulate, repeated_shares(store, fresh))
                 run_batch(address, BatchRequest(batch))
 
         return store, plan, costs_of(costs, plan, "costs:"), compute
@@ -97,8 +96,8 @@ def test_tolerances_grow_beyond_the_first_rows_to_the_closed_form(asked):
 
 
 def test_what_the_rows_do_not_show_is_found_by_the_fresh_ones(asked):
-    """A kink beyond the first rows lets the first proposal miss; the next one, from the fresh rows, does not."""
-    store, plan, costs, compute = asked(15.0, LEVER.replace("9.845", "9.888").replace("10.155", "10.112"))
+    """Where fresh runs are steeper than the rows say, the first proposal misses; the next does not."""
+    store, plan, costs, compute = asked(1.25, LEVER.replace("9.845", "9.888").replace("10.155", "10.112"))
     found = confirm(store, plan, costs, compute)
     first, last = found.rounds[0], found.rounds[-1]
     assert first.missed
@@ -127,7 +126,7 @@ def test_runs_that_fail_confirm_nothing(asked):
 
     def breaks(fresh):
         def simulate(mechanism, values, **settings):
-            run = lever(0.0, mechanism, values)
+            run = lever(1.0, mechanism, values)
             if values["J1"] < 0.07:
                 return replace(run, status="not_converged", message="J1 is small", responses={})
             return run
@@ -153,3 +152,7 @@ def test_the_command_confirms_and_continues(tmp_path):
     document = json.loads(told.stdout)["confirmation"]
     assert (told.exit_code == 0) == (document["outcome"] == "confirmed")
     assert document["rounds"][0]["responses"][0]["response"] == "FC-1"
+    (first,) = {each["rows"] for each in document["rounds"][:1]}
+    again = clearcap.open_campaign(first, tmp_path / "s").confirm(cost, progress=False)
+    assert again.outcome == document["outcome"]
+    assert again.rounds[-1].responses[0].cpk == document["rounds"][-1]["responses"][0]["cpk"]
