@@ -168,6 +168,35 @@ def test_variables_of_one_table_vary_together(campaign):
 
 
 @pytest.mark.slow
+def test_the_constants_of_the_c60(tmp_path):
+    """The paper's two forces tell two constants of the C-60 that it does not state; the tripping force alone, one.
+
+    The latch angle includes the 12 degrees of the preset latch12, which was fitted by hand.
+    """
+    folder = ROOT / "docs" / "examples" / "calibration"
+    for name in ("c60_contact_force", "c60_trip"):
+        store, plan = computed(tmp_path / "runs", load_campaign(str(folder / f"{name}.toml")), 32, simulate)
+    both = load_measurements(folder / "c60_bench.toml")
+    found = calibrated(store, plan, both)
+    spring, latch = found.constants
+    assert [words.split(":")[0] for words in found.told] == ["The data tell A3_preload", "The data tell latch_angle"]
+    assert spring.mean == pytest.approx(0.991, abs=0.02)
+    assert spring.std < 0.03
+    assert latch.interval[0] < np.radians(12.0) < latch.interval[1]
+    assert np.degrees(latch.mean) == pytest.approx(12.7, abs=1.0)
+    assert 0.01 < latch.std < 0.03
+    assert abs(found.correlations[0][2]) < 0.15
+    alone = calibrated(store, plan, both.model_copy(update={"measurements": both.measurements[:1]}))
+    assert alone.told[1].startswith("The data do not tell A3_preload")
+    assert alone.constants[0].spread > 0.9
+    assert alone.correlations[0][2] > 0.15
+    # the page has these numbers
+    page = " ".join((ROOT / "docs" / "measured.md").read_text("utf-8").split())
+    assert f"{spring.mean:.2f} ± {spring.std:.2f} rad" in page
+    assert "12.7 ± 1.0 degrees" in page
+
+
+@pytest.mark.slow
 def test_the_button_of_the_docs(tmp_path):
     """The example of the docs: peak and friction of a simulated button are found again, but not by the peak alone."""
     page = (ROOT / "docs" / "measured.md").read_text("utf-8")
