@@ -11,6 +11,7 @@ from clearcap.pictures.canvas import SketchCanvas, canvas_around
 from clearcap.pictures.shapes import body_shape
 from clearcap.pictures.style import FORCE, INK, MUTED, PALETTE, file_metadata, hide_axes, styled
 from clearcap.pictures.view import View, choose_view, start_rotation
+from clearcap.pictures.zones import draw_zones
 from engine import Mechanism
 from engine.arrays import Array
 from engine.mechanism.bushings import Beam, Bushing
@@ -193,8 +194,11 @@ def _value_text(mechanism: Mechanism, value: float) -> str:
     return f"{value:.4g} {mechanism.unit('length')} here"
 
 
-def sketch_mechanism(mechanism: Mechanism) -> MechanismDrawing:
-    """Return the sketch of a mechanism with what its responses measure."""
+def sketch_mechanism(mechanism: Mechanism, widest: Mechanism | None = None) -> MechanismDrawing:
+    """Return the sketch of a mechanism with what its responses measure, and with what is off its drawing.
+
+    `widest` has the largest deviations that a campaign draws, which are shown as zones then.
+    """
     view, contacts = choose_view(mechanism), contacts_at_start(mechanism)
     drawn = list(measurements(mechanism, contacts))
     drawing = _bodies(mechanism, view, contacts, [m for m in drawn if m.kind != "none"])
@@ -205,6 +209,7 @@ def sketch_mechanism(mechanism: Mechanism) -> MechanismDrawing:
         value = f"{measurement.value}, along the line of sight" if hidden else measurement.value
         seen_in = "" if measurement.kind == "none" else colour
         legend.append(LegendEntry(measurement.name, measurement.title, value, seen_in))
+    legend += draw_zones(drawing, widest or mechanism, varied=widest is not None)
     return drawing.sketch(tuple(legend))
 
 

@@ -11,6 +11,7 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from itertools import chain
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from pydantic import BaseModel
 from campaign.coordinator.requests import refuse_signed, unsigned
 from campaign.errors import CampaignError, SpecError, unwritable
 from campaign.inputs.distributions import Continuous
+from campaign.inputs.distributions.bounded import Position
 from campaign.inputs.sampling import production_batch, sampler_named
 from campaign.inputs.sampling.sampler import joint_variables
 from campaign.plan import Plan, resolution
@@ -38,7 +40,9 @@ from clearcap.questions.mechanisms import geometry_provenance
 from clearcap.questions.plan_differences import plan_differences
 from clearcap.questions.report_source import decided_by, report_source, sha256, stated_date, stated_source
 from clearcap.questions.tolerances import Spreads
+from engine import Mechanism, MechanismError
 from engine.mechanism import unit_of
+from engine.mechanism.keys.values import set_values
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, capability, write_report
 from reporting.analysis import Analysis, Decision, Rescale, analyse, compare_rows
 from reporting.arrays import centred_ranks
@@ -55,6 +59,7 @@ BUILD_DATE = "SOURCE_DATE_EPOCH"  # reproducible-builds.org/docs/source-date-epo
 _LATEST = 32_503_680_000.0  # s since 1970: the year 3000
 BATCH = "production batch"
 _CDF_POINTS = 401
+_OFF_DRAWING = "deviation.off", "deviation.tilt", "lobes.height"  # ends of keys
 COMMAND = "command of this report"
 _CERTIFICATE = ("sample", "status", "message", "wall_s", "max_residual", "max_penetration", "settled")
 
@@ -415,7 +420,21 @@ def repeats_of(store: Store, plan: Plan) -> Repeats:
 def mechanism_drawing(plan: Plan) -> tuple[MechanismDrawing | None, str]:
     """Return the drawing of a mechanism, or None and why there is none: a report is written without it."""
     try:
-        return sketch_mechanism(plan.mechanism), ""
+        return sketch_mechanism(plan.mechanism, widest(plan.mechanism, plan.spec)), ""
     except Exception as error:  # anything: a mechanism from an earlier version, a failing compiler
         logger.warning("report of %s: the mechanism could not be drawn: %r", plan.campaign_id, error)
         return None, f"The mechanism could not be drawn ({type(error).__name__}: {str(error)[:200]})."
+
+
+def widest(mechanism: Mechanism, spec: CampaignSpec) -> Mechanism:
+    """Return a mechanism with the largest distances, tilts and lobes that its campaign draws, each at its bound."""
+    targets, ends = spec.targets(), dict[str, float]()
+    for name, variable in spec.variables.items():
+        is_zone = isinstance(variable, Position) or targets[name].endswith(_OFF_DRAWING)
+        high = variable.cut()[1] if is_zone and isinstance(variable, Continuous) else inf
+        if isfinite(high):
+            ends[targets[name]] = high
+    try:
+        return set_values(mechanism, ends)
+    except MechanismError:  # together they may be refused
+        return mechanism
