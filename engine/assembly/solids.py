@@ -16,7 +16,7 @@ from engine.assembly.contacts import KINDS, NO_PIECES, Pair, geometry_row, profi
 from engine.assembly.frames import BodyFrame, tangent
 from engine.assembly.table_cache import cached
 from engine.kernels.contact_geometry.boxes import CORNERS
-from engine.kernels.contact_geometry.rounds import CROSSING, LAST, LOWER
+from engine.kernels.contact_geometry.rounds import CROSSING, EDGE, LAST, LOWER
 from engine.kernels.model import BOXES, ROUNDS
 from engine.mechanism.contacts import OUTLINES, SEVERAL, Side
 from engine.mechanism.models import Mechanism
@@ -113,7 +113,7 @@ def _of_lines(a: Side, b: Side, frames: dict[str, BodyFrame]) -> Iterator[_Featu
     for feature in range(CROSSING, LAST if several else LOWER):
         row = rows[0].copy()
         row[11:] = 2.0 * both, feature
-        yield _Feature(names[feature], ROUNDS, ("a", "b"), (row, rows[1]), both, NO_PIECES)
+        yield _Feature(names[feature - CROSSING], ROUNDS, ("a", "b"), (row, rows[1]), both, NO_PIECES)
 
 
 def _of_box(way: tuple[str, str], one: Side, other: Side, frames: dict[str, BodyFrame]) -> Iterator[_Feature]:
@@ -128,11 +128,12 @@ def _of_box(way: tuple[str, str], one: Side, other: Side, frames: dict[str, Body
     if other.kind not in ("capsule", "cylinder"):
         return
     line = _line(other, frames[other.body])
-    radius = float(line[9])
+    radius, line[11] = float(line[9]), line[10] if other.kind == "cylinder" else math.inf
     for i, (k, *signs) in enumerate(product(range(3), (-1.0, 1.0), (-1.0, 1.0))):
         j, m = (k + 1) % 3, (k + 2) % 3
-        row = geometry_row(place + signs[0] * arms[j] + signs[1] * arms[m], axes[k], axes[j], 0.0, box[[9, 10, 12]][k])
-        row[11:] = 2.0 * radius, CROSSING
+        out = math.sqrt(0.5) * (signs[0] * axes[j] + signs[1] * axes[m])
+        row = geometry_row(place + signs[0] * arms[j] + signs[1] * arms[m], axes[k], out, 0.0, box[[9, 10, 12]][k])
+        row[11:] = 2.0 * radius, EDGE
         yield _Feature(f"edge_{first}{i}", ROUNDS, way, (row, line), radius, NO_PIECES)
 
 

@@ -6,14 +6,19 @@ Side a and side b are straight lines with a middle, a half length and a radius, 
 feature        where it presses
 =============  =====================================================================================================
 CROSSING       where the common perpendicular of the two lines meets both
+EDGE           the same of an edge of a box, side a
 LOWER, UPPER   almost parallel: the lower and the upper end, along a, of the length in which both are beside each other
 LOWEST         an end on an end: the point of side a's face that is deepest in, or nearest to, that of side b
-4 to 7         an end on an end: the farthest point of both faces along side b's tangent, across it, and opposite
+5 to 8         an end on an end: the farthest point of both faces along side b's tangent, across it, and opposite
 =============  =====================================================================================================
 
 Rims meet other solids by the kernel of arcs. They alone do not see rollers or discs whose ends are in one plane, or
 whose rims coincide: a point in an edge is on the surface, whatever overlaps beside it. Whether bodies are beside each
 other or on each other is decided by which of the two distances is larger.
+
+An edge presses only along the directions between those of its two faces: a cylinder that stands on a ridge meets it
+with its rim, and is not pushed aside. What overlaps can be parted along any direction in which it overlaps, so an edge
+in a cylinder is as deep as it is below the nearer of its side and its flat end.
 """
 
 import numpy as np
@@ -21,12 +26,13 @@ import numpy as np
 from engine.jit import inner, not_inlined
 from engine.kernels.vectors import NOWHERE, cross, dot, split, vector_product, world_direction, world_point
 
-CROSSING, LOWER, UPPER, LOWEST = range(4)
-LAST = 8  # the number after the last one
+EDGE, CROSSING, LOWER, UPPER, LOWEST = range(5)
+LAST = 9  # the number after the last one
 ALIGNED = 0.95  # cosine of the largest angle between almost parallel axes
 PARALLEL = 1e-14  # squared sine, below which two lines have no common perpendicular
 OUTSIDE = 1e-12  # share of a radius by which rounding may put a point of a face beyond its rim
-BEYOND = 1e-3  # sine of the angle by which a rim may press beside its faces
+BEYOND = 1e-3  # sine of the angle by which a rim or an edge may press beside its faces
+MIDDLE = np.sqrt(0.5)  # cosine of the angle between a face of a box and the direction out of its edge, between both
 
 
 @inner
@@ -86,13 +92,15 @@ def beside(contacts, x, R, i, point, frame):
         gap = _on_face(contacts, x, R, i, high - low, point, frame)
     else:
         place, found = 0.5 * (low + high), abs(k) >= ALIGNED and low <= high
-        if feature == CROSSING:
+        if feature <= CROSSING:
             place, found = _crossing(w, u, v, contacts.geometry_a[i, 10], contacts.geometry_b[i, 10])
         elif found:
             place = low if feature == LOWER else high
         gap = np.inf
         if found and abs(place) < np.inf:
             gap = _on_side(contacts, R, i, (p, u, q, v), place, point, frame)
+            if feature == EDGE:
+                gap = _of_edge(contacts, R, i, (p, u, q, v), place, gap, frame)
             if abs(k) >= ALIGNED and gap < low - high:
                 gap = np.inf  # on each other: what they have in common along their axes is less than across
     if gap < np.inf:
@@ -151,6 +159,16 @@ def _on_side(contacts, R, i, lines, s, point, frame):
         frame[1, j] = v[j]
     cross(N, frame[1], frame[2])
     return signed + contacts.clearance[i] + contacts.geometry_a[i, 9]
+
+
+@inner
+def _of_edge(contacts, R, i, lines, s, gap, frame):
+    """Return the gap of a box's edge from a cylinder, given that from its side; inf if it cannot press along N."""
+    p, u, q, v = lines
+    if dot(frame[0], world_direction(R, contacts.a[i], contacts.geometry_a[i], 6)) > BEYOND - MIDDLE:
+        return np.inf
+    gb = contacts.geometry_b[i]
+    return max(gap, abs(dot(_between(_along(p, u, s), q), v)) - gb[11] + gb[9] + contacts.clearance[i])
 
 
 @inner

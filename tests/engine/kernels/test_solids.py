@@ -4,10 +4,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from engine.assembly.solids import SHALLOW
 from engine.errors import MechanismError
 from engine.kernels.contact_geometry.rounds import ALIGNED
 from tests.counts import many
@@ -49,24 +50,35 @@ some_draws = settings(max_examples=many(16), deadline=None)
 @any_solids
 @some_draws
 @any_seed
+@example(279)  # of a cylinder and a box, as the next: the perpendicular of an edge that cannot press meets the side
+@example(1077)  # a rim almost along an edge
+@example(1078)  # bounds that are not close yet, of solids that overlap
 def test_the_smallest_gap_is_the_distance(kind, seed):
     """Apart: between two bounds that are close to each other. Then pushed into each other: no less, and seen.
 
+    Pushed along n they overlap by no more than depth + gap - lower along n, and so anywhere; and by depth + gap - upper
+    or more, as that is how far the two nearest points found are beyond each other. Where the bounds are not close, n is
+    no normal, and it is not known whether the solids are apart.
+
     But for two discs, whose ends meet at their rims: a gap there is one along the normal of an end, and so up to
-    1 / 0.95 times as deep, as the ends of 0.95 are those that count as almost parallel.
+    1 / 0.95 times as deep, as the ends of 0.95 are those that count as almost parallel. And a rim almost along an edge
+    may pass by while it is shallow: its normal turns between the two faces faster than it sinks in.
     """
     longest = 1.0 / ALIGNED if kind == "cylinder-cylinder" else 1.0
     a, b, x, R = posed(kind, seed, 100)
     lower, upper, n = bounds(a, b, x, R)
-    apart = upper > 1e-3
+    apart = lower > 1e-3
     x, R, lower, upper, n = x[apart], R[apart], lower[apart], upper[apart], n[apart]
     gap = found(two(a, b), x, R)[0].min(axis=1)
     assert np.all((lower - 1e-12 <= gap) & (gap <= upper + 1e-12))
     assert np.median(upper - lower) < 1e-6
+    rim = 0.0 if "capsule" in kind else SHALLOW * max(side.get("cylinder", {}).get("radius", 0.0) for side in (a, b))
     for depth in (1e-3, 1e-6):
         x[:, 0] -= (gap[:, None] + depth) * n
         pushed = found(two(a, b), x, R)[0].min(axis=1)
-        assert np.all((pushed >= -longest * depth - 1e-9) & (pushed < 0.0))
+        assert np.all(pushed >= -longest * (depth + gap - lower) - 1e-12)
+        seen = pushed < (0.0 if depth > rim else 2.0 * rim)  # what passes by is its depth and the largest away
+        assert np.all(seen | (depth + gap <= upper))
         x[:, 0] += (gap[:, None] + depth) * n
 
 
@@ -207,6 +219,33 @@ def test_a_round_solid_lies_across_the_edges_of_a_box(kind):
     points, normals = touching(a, {"box": {"centre": [0, 0, 0], "half_lengths": [0.3, 0.2, 0.1]}}, 0.0, 0.0, 0.2)
     np.testing.assert_allclose(points, [[-0.3, 0, 0.1], [0.3, 0, 0.1]], atol=1e-12)
     np.testing.assert_allclose(normals, [[0, 0, 1]] * 2, atol=1e-12)
+
+
+@pytest.mark.parametrize("depth", [0.0, 1e-9, 1e-6])
+@each("offset", [0.02, 0.06, 0.09])
+def test_a_cylinder_stands_on_a_ridge_with_its_rim(offset, depth):
+    """Wherever it is on the ridge, its side is not pushed away."""
+    roof = {"centre": [0, 0, -np.sqrt(2.0)], "half_lengths": [1, 1, 1], "normal": [1, 0, 1], "along": [0, 1, 0]}
+    gap, _, frame, names = found(
+        two({"cylinder": {**UPRIGHT, "radius": 0.1, "half_length": 0.25}}, {"box": roof}), *at(offset, 0, 0.25 - depth)
+    )
+    near = (gap[0] < 1e-7) & frame[0, :, 0].any(axis=1)
+    assert {name.split(".")[1][:3] for name in np.array(names)[near]} == {"rim"}
+    assert gap.min() == pytest.approx(-depth * np.sqrt(0.5), abs=1e-9)
+    np.testing.assert_allclose(frame[0, near, 0], [[0, 0, 1]] * near.sum(), atol=1e-3)
+
+
+def test_an_edge_presses_a_cylinder_from_the_side_that_its_faces_look_to():
+    """No deeper than it is in the side or in the flat end, whichever is nearer; a capsule has no such end."""
+    wall = {"centre": [-np.sqrt(2.0), 0, 0], "half_lengths": [1, 1, 1], "normal": [1, 1, 0], "along": [0, 0, 1]}
+    for kind, depths in (("cylinder", (1e-3, 1e-3, 4e-4)), ("capsule", (1e-3, 1e-3, 1e-3))):
+        for beyond, depth in zip((0.0, 0.2, 0.2496), depths, strict=True):
+            shape = {kind: {"point": [0, 0, 0], "axis": [0, 1, 0], "radius": 0.1, "half_length": 0.25}}
+            gap, _, frame, names = found(two(shape, {"box": wall}), *at(0.099, beyond, 0))
+            edges = [i for i, name in enumerate(names) if ".edge" in name and frame[0, i, 0].any() and gap[0, i] < 0]
+            assert len(edges) == 1
+            assert gap[0, edges[0]] == pytest.approx(-depth, abs=1e-12)
+            np.testing.assert_allclose(frame[0, edges[0], 0], [-1, 0, 0], atol=1e-12)
 
 
 def test_a_cylinder_lies_and_stands_on_a_box():
