@@ -165,16 +165,12 @@ def contact_profiles(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> list
 
 
 def _parts(one: Side, other: Side, scale: float) -> list[Array]:
-    """Return the pieces of a profile, part by part where side ``one`` is a ball or arc that fits into its notches."""
-    shape, solid = one.primitive, other.primitive
+    """Return the pieces of a profile, part by part where side ``one`` is a ball or an arc, which fits into notches."""
     if one.kind not in ("sphere", "arc") or other.kind not in ("turned", "extruded"):
         return [profile_pieces(other, scale)]
-    round_ = (
-        (shape.radius, math.tau) if one.kind == "sphere" else (shape.radius + shape.edge_radius, 2 * shape.half_angle)
-    )
     if other.kind == "extruded":
-        return [curve_pieces(part, scale) for part in divided(solid.curve, *round_)]
-    return [curve_pieces(off_axis(part), scale) for part in divided(solid.closed, *round_)]
+        return [curve_pieces(part, scale) for part in divided(other.primitive.curve)]
+    return [curve_pieces(off_axis(part), scale) for part in divided(other.primitive.closed)]
 
 
 @cached

@@ -71,18 +71,15 @@ def _outlines(
         found[name] = [
             (f"{feature}{part}", (one, other), row, touched)
             for one, other in FEATURES
-            for feature, piece, row in _features(one, pieces[one], solids[one], heights[one])
-            for part, touched in _touched(sides[one], sides[other], piece, feature, pieces[other], scales[other])
+            for feature, row in _features(one, pieces[one], solids[one], heights[one])
+            for part, touched in _touched(sides[other], feature, pieces[other], scales[other])
         ]
     return found
 
 
-def _touched(
-    side: Side, other: Side, number: int, feature: str, pieces: Array, scale: float
-) -> Iterator[tuple[str, Array]]:
-    """Yield the pieces that a corner or arc touches: all, or where an arc fits into a notch, part by part."""
-    arc = side.primitive.curve[number]
-    parts = divided(other.primitive.curve, arc.radius, arc.sweep) if feature.startswith("arc") else []
+def _touched(other: Side, feature: str, pieces: Array, scale: float) -> Iterator[tuple[str, Array]]:
+    """Yield the pieces that a feature touches: an arc those of each part of a profile with notches, others all."""
+    parts = divided(other.primitive.curve) if feature.startswith("arc") else []
     if len(parts) < 2:
         yield "", pieces
         return
@@ -90,8 +87,8 @@ def _touched(
         yield f".part{i}", curve_pieces(part, scale)
 
 
-def _features(side: str, pieces: Array, solid: Array, height: float) -> Iterator[tuple[str, int, Array]]:
-    """Yield name, piece and geometry row of a profile's convex corners and arcs, and of the middles of its edges."""
+def _features(side: str, pieces: Array, solid: Array, height: float) -> Iterator[tuple[str, Array]]:
+    """Yield name and geometry row of every convex corner and arc of a profile, and of its edges' middles."""
     n, u = solid[3:6], solid[6:9]
     v, foot = np.cross(n, u), solid[:3] + height * n
     size = SHALLOW * float(np.hypot(*(pieces[:, :2] - pieces[0, 4:6]).T).max())
@@ -105,12 +102,12 @@ def _features(side: str, pieces: Array, solid: Array, height: float) -> Iterator
         line, before = piece[7] == 0.0, pieces[i - 1]
         if piece[17] > 0.0:  # between the directions out of the two pieces that meet there
             half = 0.5 * math.acos(max(-1.0, min(float(_out(before, 1.0) @ _out(piece, 0.0)), 1.0)))
-            yield f"corner_{side}{i}", i, row(foot + piece[:2] @ (u, v), piece[13:15] @ (u, v), half=half)
+            yield f"corner_{side}{i}", row(foot + piece[:2] @ (u, v), piece[13:15] @ (u, v), half=half)
         if line:
-            yield f"edge_{side}{i}", i, row(foot + piece[4:6] @ (u, v), _out(piece, 0.0) @ (u, v))
+            yield f"edge_{side}{i}", row(foot + piece[4:6] @ (u, v), _out(piece, 0.0) @ (u, v))
         elif piece[7] > 0.0:
             half = 2.0 * math.atan(piece[12])
-            yield f"arc_{side}{i}", i, row(foot + piece[8:10] @ (u, v), n, piece[10:12] @ (u, v), piece[7], half)
+            yield f"arc_{side}{i}", row(foot + piece[8:10] @ (u, v), n, piece[10:12] @ (u, v), piece[7], half)
 
 
 def _out(piece: Array, share: float) -> Array:

@@ -1,4 +1,4 @@
-"""Profiles divided at their hollow corners, in which a ball or a round edge touches two faces at once.
+"""Profiles divided at their hollow corners: a ball or a round edge in a notch touches two faces, or two edges, at once.
 
 The gap to a whole profile is that of one nearest point, which would jump from face to face in a notch. The solids on
 both sides of a cut from the corner into the material are each convex there: the gap to each has one nearest point, and
@@ -6,33 +6,21 @@ the ball is held by both. Outside the material nothing else changes: a cut opens
 """
 
 import cmath
-import math
 from dataclasses import replace
 
 from engine.mechanism.closed_profiles import CLOSE, Piece, crossings
 
-SHARP = 0.05  # angle [rad] by which two faces must meet hollow to hold a round on both sides
+SHARP = 0.05  # angle [rad] by which two faces must meet hollow to count as two; less is a curve in facets
 Curve = tuple[Piece, ...]
 
 
-def divided(curve: Curve, radius: float, reach: float = math.tau) -> list[Curve]:
-    """Return the closed curves into which a profile is divided where a round touches two faces; itself if nowhere.
-
-    The round has a radius, in the lengths of the curve, and spans the angle ``reach`` [rad].
-    """
+def divided(curve: Curve) -> list[Curve]:
+    """Return the closed curves into which the hollow corners of a closed one divide it; itself if it has none."""
     for i, (piece, after) in enumerate(zip(curve, (*curve[1:], curve[0]), strict=True)):
         turn = -cmath.phase(piece.direction(1.0).conjugate() * after.direction(0.0))
-        fits = SHARP < turn <= reach and all(_holds(face, radius, turn) for face in (piece, after))
-        if fits and (parts := _cut((*curve[i + 1 :], *curve[: i + 1]))):
-            return [each for part in parts for each in divided(part, radius, reach)]
+        if turn > SHARP and (parts := _cut((*curve[i + 1 :], *curve[: i + 1]))):
+            return [each for part in parts for each in divided(part)]
     return [curve]
-
-
-def _holds(face: Piece, radius: float, turn: float) -> bool:
-    """Return whether a round in a hollow corner, where two faces meet at an angle, can touch one within its length."""
-    if face.centre is None:
-        return radius * math.tan(0.5 * turn) < abs(face.end - face.start)
-    return face.left or radius < face.radius
 
 
 def _cut(curve: Curve) -> tuple[Curve, ...]:

@@ -171,7 +171,7 @@ def test_the_command(store, plan, tmp_path):
     assert "FC-1" in shown.stdout
     assert kept.table == "night.csv"
     document = json.loads(CliRunner().invoke(app, [*words, "--json"]).stdout)
-    assert document["number"] == 2
+    assert document["number"] == 1  # the same lots, sent twice
     assert document["responses"] == [each.model_dump(mode="json") for each in kept.responses]
     pd.DataFrame({"J1": quantiles(0.07, 0.0002)}).to_csv(tmp_path / "night.csv", index=False)
     assert "FC-1: emulated, as " in CliRunner().invoke(app, words).stderr

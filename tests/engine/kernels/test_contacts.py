@@ -42,10 +42,11 @@ class Pair:
         return float(brute_gap(self.contact, Poses((at[0], at[1]), (turns[0], turns[1])))[0])
 
     def found(self) -> tuple[float, np.ndarray, np.ndarray]:
-        """Return the engine's gap, point and frame at the present pose."""
+        """Return the engine's gap, point and frame at the present pose; of a profile's nearest part."""
         model, state, work = self.assembly.model, self.assembly.state, self.assembly.work
         find_contacts(model.contacts, state.x, state.R, work.gap, work.sites.point, work.sites.frame)
-        return float(work.gap[0]), work.sites.point[0].copy(), work.sites.frame[0].copy()
+        i = int(np.argmin(work.gap))
+        return float(work.gap[i]), work.sites.point[i].copy(), work.sites.frame[i].copy()
 
     def speed(self, twist: np.ndarray) -> np.ndarray:
         """Return the engine's relative velocity (N, T1, T2) at the present pose."""

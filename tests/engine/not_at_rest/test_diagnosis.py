@@ -176,9 +176,10 @@ def test_a_step_too_long_for_a_damper_is_named_with_one_that_does():
 
 
 def in_a_notch(horizon: float, x: float = 0.0) -> Run:
-    """Let a ball without friction fall 0.29 m into a notch of a single profile."""
-    profile = [{"to": to} for to in ([5, -3], [5, 0], [1, 0], [0, -1], [-1, 0], [-5, 0])]
-    notch = {"point": [0, 0, 0], "axis": [0, 0, 1], "along": [1, 0, 0], "start": [-5, -3], "profile": profile}
+    """Let a ball without friction fall into a round groove that is narrower, so that it rests on both edges."""
+    arc = {"to": [-0.4, 0], "centre": [0, 0], "turn": "right"}
+    profile = [{"to": [5, -3]}, {"to": [5, 0]}, {"to": [0.4, 0]}, arc, {"to": [-5, 0]}]
+    notch = {"point": [0, -0.59, 0], "axis": [0, 0, 1], "along": [1, 0, 0], "start": [-5, -3], "profile": profile}
     data = small(
         gravity=[0, -GRAVITY, 0],
         bodies={"ground": GROUND, "ball": {**BALL, "origin": [x, 0.0, 0.0]}},
@@ -230,10 +231,10 @@ def in_a_groove(**sides: Any) -> Run:
 
 
 def test_one_contact_that_has_to_hold_at_two_places_is_named():
-    """A ball in a groove that is one profile never rests, however short the step; between two planes it does."""
-    profile = [{"to": [0.05, -0.035]}, {"to": [0.05, 0.05]}, {"to": [-0.05, 0.05]}, {"to": [-0.05, -0.035]}]
-    solid = {"point": [0, 0, 0], "axis": [0, 1, 0], "along": [1, 0, 0], "half_length": 0.05}
-    run = in_a_groove(groove={"extruded": {**solid, "start": [0, 0], "profile": profile}})
+    """A ball in a cone, which touches it all round, never rests, however short the step; between two planes it does."""
+    profile = [{"to": [0.05, 0.035]}, {"to": [0.05, -0.05]}, {"to": [0, -0.05]}]
+    solid = {"point": [0, 0, 0], "axis": [0, 0, 1]}
+    run = in_a_groove(groove={"turned": {**solid, "start": [0, 0], "profile": profile}})
     assert run.status == "not_at_rest"
     assert "trembles about y" in run.message
     assert "contact groove would have to hold at two places at once" in run.message
