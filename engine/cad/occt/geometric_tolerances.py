@@ -11,7 +11,7 @@ from OCP.XCAFDimTolObjects import XCAFDimTolObjects_GeomToleranceZoneModif as Zo
 from OCP.XCAFDoc import XCAFDoc_Datum, XCAFDoc_DimTolTool, XCAFDoc_GeomTolerance
 
 from engine.cad.cad_model import GeometricTolerance
-from engine.cad.occt.names_and_materials import listed
+from engine.cad.occt.names_and_materials import listed, short_text
 
 _DECIMALS = 12  # of a mm
 _NAMES = {
@@ -71,8 +71,8 @@ def _datums(label: Any) -> tuple[str, ...]:
     datums = [
         XCAFDoc_Datum.Set_s(each).GetObject() for each in listed(XCAFDoc_DimTolTool.GetDatumOfTolerLabels_s, label)
     ]
-    placed = sorted((datum.GetPosition(), str(datum.GetName().ToCString())) for datum in datums if datum.GetName())
-    return tuple(dict.fromkeys(name for _, name in placed))
+    placed = sorted((datum.GetPosition(), short_text(datum.GetName())) for datum in datums)
+    return tuple(dict.fromkeys(name for _, name in placed if name))
 
 
 def _modifiers(tolerance: Any) -> tuple[str, ...]:

@@ -24,7 +24,7 @@ _PREFIXES = {
     StepBasic_SiPrefix.StepBasic_spMicro: 1e-6,
 }
 
-_LONGEST_NAME = 200  # characters
+_LONGEST_NAME, _LONGEST_WORD = 200, 20  # characters
 _MADE_UP = re.compile(r"Open CASCADE STEP translator|(SOLID|COMPOUND|SHELL|=>\[)")
 
 
@@ -33,6 +33,11 @@ def listed(fill: Any, *arguments: Any) -> list[Any]:
     found = Sequence_TDF_Label()
     fill(*arguments, found)
     return [found.Value(place) for place in range(1, found.Length() + 1)]
+
+
+def short_text(text: Any) -> str:
+    """Return a text of a file that is a few letters long, such as a class; what is longer is cut off."""
+    return one_line(str(text.ToCString()).strip()[:_LONGEST_WORD]) if text else ""
 
 
 def name_of(label: Any) -> str:

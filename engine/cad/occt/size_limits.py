@@ -19,7 +19,7 @@ from OCP.XCAFDimTolObjects import XCAFDimTolObjects_DimensionType as Type
 from OCP.XCAFDoc import XCAFDoc_Dimension, XCAFDoc_DimTolTool
 
 from engine.cad.cad_model import SizeLimits
-from engine.cad.occt.names_and_materials import listed
+from engine.cad.occt.names_and_materials import listed, short_text
 from engine.drawing_limits import dimension_limits
 from engine.errors import some
 
@@ -115,8 +115,7 @@ class ToleranceClasses:
 
 def _stated(entity: Any) -> tuple[str, str]:
     """Return the letters and the grade of a class as the file writes them."""
-    form, grade = (str(text.ToCString()).strip() if text else "" for text in (entity.FormVariance(), entity.Grade()))
-    return form, grade
+    return short_text(entity.FormVariance()), short_text(entity.Grade())
 
 
 def size_limits(

@@ -69,6 +69,9 @@ def test_zones(tmp_path):
             "flatness, 0.03 mm": False,
             "roundness, 0.01 mm": True,
         }, unit
+    changed = r"(= DATUM\('','',#\d+,\.F\.,)'A'", r"\g<1>'A" + 90 * "x" + "'"
+    read = written(tmp_path / "a.step", lever(width=0.1), changed)
+    assert {len(datum) for zone in read.zones for datum in zone.datums} == {1, 20}  # a long name is cut off
 
 
 def test_no_file_is_lost_because_of_its_tolerances(tmp_path, monkeypatch):
