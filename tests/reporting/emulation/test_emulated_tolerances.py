@@ -106,6 +106,7 @@ def test_a_mean_that_moves_is_part_of_the_optimum():
     )
     assert found.method == EMULATION
     assert found.cost == pytest.approx(best.fun, rel=5e-3)
+    assert list(found.factors.values()) == pytest.approx(best.x, rel=0.02)
 
 
 def test_no_tolerance_grows_beyond_the_rows():
