@@ -175,7 +175,7 @@ class Confirmed(BaseModel):
     store: str
     text: str = Field(examples=["confirmed by 865 fresh runs (c60-5e6f7a8b9c)"])
     confirmation: dict[str, Any] = Field(
-        description="outcome (confirmed, missed, refused, computing), proposal and rounds, of `clearcap advise --json`"
+        description="outcome (confirmed, missed, refused, computing), proposal and rounds, of `advise --confirm --json`"
     )
 
 

@@ -227,7 +227,7 @@ def test_the_page_shows_what_is_measured(store, plan):
 def test_a_mechanism_that_cannot_be_drawn_is_said(store, plan, monkeypatch):
     """The report is written without its picture, and says so; the reason is no markup."""
 
-    def fails(mechanism):
+    def fails(*_):
         raise ValueError("no <b>way</b>")
 
     monkeypatch.setattr("clearcap.questions.report.sketch_mechanism", fails)
