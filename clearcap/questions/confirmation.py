@@ -86,6 +86,9 @@ class Confirmation:
         if self.outcome == "computing":
             return f"{last.campaign} judges the proposal and is {last.state}; ask again when it is completed"
         runs = f"{self.proposal.runs} fresh runs ({last.campaign})"
+        near = ", ".join(each.response for each in last.responses if each.verdict == "within error")
+        if self.outcome == "confirmed" and near:
+            return f"not refuted by {runs}: the interval of the Cpk contains the target of {near}"
         if self.outcome == "confirmed":
             return f"confirmed by {runs}"
         names = ", ".join(each.response for each in last.responses if each.verdict == "missed")

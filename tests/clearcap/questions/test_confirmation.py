@@ -77,6 +77,10 @@ def test_tolerances_grow_beyond_the_first_rows_to_the_closed_form(asked):
     store, plan, costs, compute = asked()
     found = confirm(store, plan, costs, compute)
     assert found.outcome == "confirmed"
+    (judged,) = found.rounds[-1].responses
+    for verdict, words in (("reached", "confirmed by "), ("within error", "not refuted by ")):
+        last = replace(found.rounds[-1], responses=(replace(judged, verdict=verdict),))
+        assert replace(found, rounds=(last,)).text.startswith(words)
     assert found.rounds[0].proposal.method == "emulation"
     assert found.rounds[0].proposal.covered == ("J1", "J2")
     assert len(found.rounds) > 1
