@@ -270,7 +270,6 @@ def test_version(tmp_path):
     assert re.fullmatch(rf"clearcap \S+, build {short_build()}\n", printed)
 
 
-@pytest.mark.processes
 def test_help_shows_options_without_a_value_as_such():
     """Typer writes a type behind each of them from 0.29 on; and it keeps line breaks of docstrings."""
     for words in ([], ["run"], ["mechanism"], ["mechanism", "import"], ["schema"]):
@@ -282,6 +281,7 @@ def test_help_shows_options_without_a_value_as_such():
             assert "as campaigns of their own; the table decide of the campaign file" in done.output
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("words", [["--help"], ["mechanism", "list"], ["simulate", "none", "--set", "J1=1"]])
 def test_help_is_quick(words, tmp_path):
     """Help and lists take 0.2 to 0.3 s: they wait for neither dask nor tables, nothing of them is imported.
