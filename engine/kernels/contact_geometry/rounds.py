@@ -14,7 +14,9 @@ LOWEST         an end on an end: the point of side a's face that is deepest in, 
 
 Rims meet other solids by the kernel of arcs. They alone do not see rollers or discs whose ends are in one plane, or
 whose rims coincide: a point in an edge is on the surface, whatever overlaps beside it. Whether bodies are beside each
-other or on each other is decided by which of the two distances is larger.
+other or on each other is decided by what they have in common. A side presses if that is longer, along the line of side
+a through the point, than the point is deep; an end, if what both ends cover is wider than it is deep. Then no smaller
+motion parts the bodies, but for the cosine of the angle between the axes.
 
 An edge presses only along the directions between those of its two faces: a cylinder that stands on a ridge meets it
 with its rim, and is not pushed aside. What overlaps can be parted along any direction in which it overlaps, so an edge
@@ -89,7 +91,7 @@ def beside(contacts, x, R, i, point, frame):
     k, wv = dot(u, v), dot(w, v)
     low, high = _common(k, wv, contacts.geometry_a[i, 10], contacts.geometry_b[i, 10])
     if feature >= LOWEST:
-        gap = _on_face(contacts, x, R, i, high - low, point, frame)
+        gap = _on_face(contacts, R, i, (p, u, q, v), high - low, point, frame)
     else:
         place, found = 0.5 * (low + high), abs(k) >= ALIGNED and low <= high
         if feature <= CROSSING:
@@ -101,8 +103,11 @@ def beside(contacts, x, R, i, point, frame):
             gap = _on_side(contacts, R, i, (p, u, q, v), place, point, frame)
             if feature == EDGE:
                 gap = _of_edge(contacts, R, i, (p, u, q, v), place, gap, frame)
-            if abs(k) >= ALIGNED and gap < low - high:
-                gap = np.inf  # on each other: what they have in common along their axes is less than across
+            if abs(k) >= ALIGNED and gap < np.inf:  # as long as side a's line through the point is beside b
+                height = dot(_between((point[0], point[1], point[2]), q), v)
+                low, high = _common(k, height - k * place, contacts.geometry_a[i, 10], contacts.geometry_b[i, 10])
+                if gap < low - high:
+                    gap = np.inf  # on each other: what they have in common along them is less than across
     if gap < np.inf:
         return gap
     for j in range(3):
@@ -172,9 +177,9 @@ def _of_edge(contacts, R, i, lines, s, gap, frame):
 
 
 @inner
-def _on_face(contacts, x, R, i, common, point, frame):
+def _on_face(contacts, R, i, lines, common, point, frame):
     """Find a point in which the end of a cylinder lies on that of another; inf if they are not on each other."""
-    p, u, q, v = _lines(contacts, x, R, i)
+    p, u, q, v = lines
     ga, gb = contacts.geometry_a[i], contacts.geometry_b[i]
     w = _between(p, q)
     up, down = np.copysign(1.0, dot(w, v)), -np.copysign(1.0, dot(w, u))
@@ -195,9 +200,9 @@ def _on_face(contacts, x, R, i, common, point, frame):
     else:
         way = complex(1.0 - quarter, 0.0) if quarter % 2 == 0 else complex(0.0, 2.0 - quarter)
     found, place = _lens(centre, facing * ga[9], gb[9], way)
-    if not found or abs(centre) - ga[9] - gb[9] > -common:
-        return np.inf
     gap = height + slope.real * (place.real - centre.real) + slope.imag * (place.imag - centre.imag)
+    if not found or abs(centre) - facing * ga[9] - gb[9] > -max(common, -gap):
+        return np.inf  # beside each other: what both ends have in common is less wide than they are deep, or long
     for j in range(3):
         point[j] = middle[j] + place.real * t[j] + place.imag * y[j]
         frame[0, j], frame[1, j] = n[j], t[j]

@@ -50,6 +50,9 @@ some_draws = settings(max_examples=many(16), deadline=None)
 @any_solids
 @some_draws
 @any_seed
+@example(2011)  # two cylinders, as the next: an end that is wider beside the other than its axis is long there
+@example(2021)
+@example(2032)  # a flat end with its rim just in the side of a disc that is tilted
 @example(279)  # of a cylinder and a box, as the next: the perpendicular of an edge that cannot press meets the side
 @example(1077)  # a rim almost along an edge
 @example(1078)  # bounds that are not close yet, of solids that overlap
