@@ -117,8 +117,9 @@ def pivot_text(found: FoundGeometry, pivot: FoundPivot) -> str:
 
 
 def spring_text(spring: FoundSpring) -> str:
-    """Return the description of a coil."""
-    return f"spring {spring.name}: between {spring.ends[0]} and {spring.ends[1]}"
+    """Return the description of a spring."""
+    ends = " and ".join(filter(None, spring.ends)) or "nothing that it touches"
+    return f"spring {spring.name}: between {ends}"
 
 
 def group_text(found: FoundGeometry, group: PartGroup) -> str:

@@ -19,6 +19,7 @@ from engine.cad.findings.joints import (
     PinInHole,
     UndrawnPin,
     balls_in_sockets,
+    coaxial_fits,
     pins_in_holes,
     pins_in_slots,
     undrawn_pins,
@@ -70,7 +71,11 @@ class FoundStop:
     def sizes(self) -> str:
         """A description of their distance, and of the size of what they share."""
         gap, about = self.pair.gap, "about " if isinstance(self.pair, FacingRound) and self.pair.is_estimate else ""
-        apart = f"{about}{max(gap, 0.0):.4g} mm apart" if gap > -_NOTHING else f"overlapping by {about}{-gap:.4g} mm"
+        apart = (
+            f"{about}{gap if gap > _NOTHING else 0.0:.4g} mm apart"
+            if gap > -_NOTHING
+            else f"overlapping by {about}{-gap:.4g} mm"
+        )
         if isinstance(self.pair, FacingPlanes):
             return f"{apart}, {self.pair.area:.4g} mm2 face each other"
         return f"{apart}, along {self.pair.length:.4g} mm" if self.pair.length else apart
@@ -78,12 +83,14 @@ class FoundStop:
 
 @dataclass(frozen=True, eq=False)
 class FoundSpring:
-    """A coil spring between two parts, with a unique name."""
+    """A spring between two parts, with a unique name."""
 
     name: str
     part: str
-    coil: Coil
-    ends: tuple[str, str]  # the part that is nearest to each end of the coil
+    coil: Coil | None  # none if it is a spring by its name only
+    ends: tuple[str, str]  # the part that is nearest to each end of a coil, or that the spring touches; may be empty
+    points: Array  # its ends, shape (2, 3)
+    axis: Array | None = None  # that of its turns, if it is no coil
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +114,7 @@ class FoundGeometry:
     drawn: CadAssembly  # with each part by itself
     groups: tuple[PartGroup, ...] = ()  # each is a part of `assembly` with the name of the group
     standard: tuple[StandardPart, ...] = ()  # the parts as drawn that are bought
-    springs: tuple[FoundSpring, ...] = ()  # coils, which are no parts of `assembly`
+    springs: tuple[FoundSpring, ...] = ()  # which are no parts of `assembly`
     pivots: tuple[FoundPivot, ...] = ()  # joints that may be there
 
     def whole(self, part: str) -> str:
@@ -132,9 +139,9 @@ def find_geometry(drawn: CadAssembly, groups: Sequence[PartGroup] | None = None)
     triangles = triangles_by_face(drawn)
     planes = facing_planes(drawn, triangles)
     standard = standard_parts(drawn)
-    coils = {each.part for each in standard if each.coil is not None}
-    rigid = _without(drawn, coils) if 0 < len(coils) < len(drawn.parts) else drawn
-    planes = [pair for pair in planes if not coils & set(pair.parts)]
+    elastic = {each.part for each in standard if each.kind == "spring"}
+    rigid = _without(drawn, elastic) if 0 < len(elastic) < len(drawn.parts) else drawn
+    touching, planes = planes, [pair for pair in planes if not elastic & set(pair.parts)]
     if groups is None:
         proposed = proposed_groups(rigid, _jointed(rigid, triangles), planes, standard, undrawn_pins(rigid))
         names = _names([group.name for group in proposed], "group", _LONGEST)
@@ -161,10 +168,10 @@ def find_geometry(drawn: CadAssembly, groups: Sequence[PartGroup] | None = None)
     stops = tuple(FoundStop(f"stop-{number}", pair) for number, pair in enumerate(facing, 1))
     pivots = _pivots(assembly, refused, bodies, names)
     likely = tuple(sorted((miss for miss in refused if not miss.snaps), key=lambda miss: miss.unlikely))
-    springs = tuple(_springs(assembly, standard, triangles))
-    return FoundGeometry(
-        assembly, bodies, joints, found_balls, likely, stops, drawn, tuple(groups), tuple(standard), springs, pivots
+    found = FoundGeometry(
+        assembly, bodies, joints, found_balls, likely, stops, drawn, tuple(groups), tuple(standard), pivots=pivots
     )
+    return found if rigid is drawn else replace(found, springs=tuple(_springs(found, triangles, touching)))
 
 
 def _without(assembly: CadAssembly, names: set[str]) -> CadAssembly:
@@ -201,27 +208,47 @@ def _is_same_pair(faces: dict[int, CadFace], one: NearMiss, other: NearMiss) -> 
 
 
 def _springs(
-    assembly: CadAssembly, standard: Sequence[StandardPart], triangles: dict[int, Array]
+    found: FoundGeometry, triangles: dict[int, Array], touching: Sequence[FacingPlanes]
 ) -> Iterator[FoundSpring]:
-    """Yield the coils, each with the parts at its ends."""
-    coils = [(each.part, each.coil) for each in standard if each.coil is not None]
+    """Yield the springs, each with the parts at its ends; `touching` are the flat faces of all parts as drawn."""
+    springs = [each for each in found.standard if each.kind == "spring"]
+    parts = found.assembly.parts if any(each.coil for each in springs) else ()
     corners = {
-        part.name: np.concatenate(
-            [np.zeros((0, 3, 3)), *(triangles[f.number] for f in assembly.faces_of(part.name) if f.number in triangles)]
-        )
-        for part in assembly.parts
-        if coils
+        part.name: np.concatenate([np.zeros((0, 3, 3)), *(triangles[f.number] for f in faces if f.number in triangles)])
+        for part in parts
+        if (faces := found.assembly.faces_of(part.name))
     }
-    names = _names([part for part, _ in coils], "spring", _LONGEST)
-    for name, (part, coil) in zip(names, coils, strict=True):
-        axis = (coil.ends[1] - coil.ends[0]) / coil.length
-        around = perpendicular(axis) * coil.diameter / 2
-        near = []
+    for name, each in zip(_names([each.part for each in springs], "spring", _LONGEST), springs, strict=True):
+        if each.coil is None:
+            yield _spring_by_name(found, name, each.part, touching)
+            continue
+        coil, near = each.coil, []
+        around = perpendicular((coil.ends[1] - coil.ends[0]) / coil.length) * coil.diameter / 2
         for end in coil.ends:
             ring = end + np.concatenate([around, -around])
-            far = {each: sum(distance_to_triangles(p, of) for p in ring) for each, of in corners.items() if len(of)}
-            near.append(min(far, key=lambda each: far[each], default=""))
-        yield FoundSpring(name, part, coil, (near[0], near[1]))
+            far = {other: sum(distance_to_triangles(p, of) for p in ring) for other, of in corners.items() if len(of)}
+            near.append(min(far, key=lambda other: far[other], default=""))
+        yield FoundSpring(name, each.part, coil, (near[0], near[1]), coil.ends)
+
+
+def _spring_by_name(found: FoundGeometry, name: str, part: str, touching: Sequence[FacingPlanes]) -> FoundSpring:
+    """Return a spring that is no coil, between the first two parts whose holes, pins or flat faces it fits best."""
+    fits = sorted((fit for fit in coaxial_fits(found.drawn) if part in {f.part for f in fit}), key=_difference)
+    met = [(pin.part if hole.part == part else hole.part, pin.point) for hole, pin in fits]
+    met += [(pair.parts[pair.parts[0] == part], pair.middle) for pair in touching if part in pair.parts]
+    known = {each.name for each in found.assembly.parts}
+    ends: dict[str, Array] = {}
+    for other, point in met:
+        if (whole := found.whole(other)) in known:
+            ends.setdefault(whole, point)
+    (first, start), (second, end) = [*ends.items(), ("", np.zeros(3)), ("", np.zeros(3))][:2]
+    turns = [face for face in found.drawn.faces_of(part) if face.kind == "torus"]
+    axis = max(turns, key=lambda face: face.area).axis if turns else None
+    return FoundSpring(name, part, None, (first, second), np.array([start, end]), axis)
+
+
+def _difference(fit: tuple[CadFace, CadFace]) -> float:
+    return abs(fit[0].radius - fit[1].radius)
 
 
 def _jointed(assembly: CadAssembly, triangles: dict[int, Array]) -> list[frozenset[str]]:
@@ -261,7 +288,7 @@ def _names(texts: list[str], otherwise: str, longest: int | None = None) -> list
         plain = text.translate(_LETTERS)
         plain = unicodedata.normalize("NFKD", plain)  # decomposes an umlaut into its letter and two dots
         plain = "".join(c for c in plain if not unicodedata.combining(c))
-        stem = re.sub(r"[^A-Za-z0-9_-]+", "-", plain).strip("-_")[:longest].strip("-_") or otherwise
+        stem = re.sub(r"[^A-Za-z0-9_]+", "-", plain).strip("-_")[:longest].strip("-_") or otherwise
         stem = stem if stem[0].isalpha() else f"{otherwise}-{stem}"
         numbered = (f"{stem}-{number}" if number > 1 else stem for number in range(1, len(texts) + 1))
         names.append(next(name for name in numbered if name not in names))

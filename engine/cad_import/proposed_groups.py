@@ -2,9 +2,10 @@
 
 Screws, nuts and washers on one axis join the only part that they hold, or two parts that are held on two axes; on a
 single axis between two parts they may be a pivot, and join the part that they are screwed into. A bearing joins the
-part in which it sits, a pin the part into which it is pressed. A subassembly is one body unless a joint with pin or
-ball is drawn in it. A part that no joint holds is one body with the part that it lies against, without play, over most
-of the area in which it touches others.
+part in which it sits, a pin the part into which it is pressed, a component its circuit board. A subassembly is one body
+unless a joint with pin or ball is drawn in it, and several if it is in places apart from each other. A part that no
+joint holds is one body with the part that it lies against, without play, over most of the area in which it touches
+others.
 """
 
 import tomllib
@@ -24,10 +25,12 @@ from engine.mechanism.faults import as_table, named_tables, sub_table
 from engine.mechanism.geometry.part_bodies import parts_of_body
 
 _TOUCHING = 1e-3  # mm between two planes without play
+_SOLDERED = 0.15  # mm between a component and its board
 _ONE_AXIS = 0.5  # mm between the axes of screws, nuts and washers that are one stack
 _TIGHT = 1e-3  # mm between the radii of a thread or a press fit, as drawn
 _EQUAL = 1e-6  # mm between radii of a pin and a hole that are drawn alike
 _PRESSED, _SHARE_PRESSED = 0.04, 0.01  # mm, and share of the radius, by which a pressed pin is larger at most
+_BESIDE = 1.0  # mm between boxes around parts that are beside each other
 _LEAST_SHARE = 0.03  # of a part's surface that lies against another part
 _MOST_OF_IT = 0.6  # of the area in which a part touches others
 
@@ -86,6 +89,7 @@ def proposed_groups(
         if _is_pressed(hole, pin):
             groups.join([hole.part, pin.part], "by press fit")
     _join_bearings(groups, kinds, fits)
+    _join_boards(groups, kinds, planes)
     jointed = [*jointed, *_join_fasteners(assembly, groups, kinds, fits, planes)]
     jointed = [*jointed, *_join_screw_holes(groups, undrawn, planes)]
     for parts in _rigid_subassemblies(assembly.parts, jointed):
@@ -124,6 +128,18 @@ def _join_bearings(groups: _Groups, kinds: Mapping[str, str], fits: Fits) -> Non
             groups.join([min(seats, key=_play)[0].part, part], "by bearing")
         elif shafts:
             groups.join([min(shafts, key=_play)[1].part, part], "by bearing")
+
+
+def _join_boards(groups: _Groups, kinds: Mapping[str, str], planes: Sequence[FacingPlanes]) -> None:
+    """Join each circuit board, and each component of one, to the part on which it is soldered or lies."""
+    for part, kind in kinds.items():
+        beneath: dict[str, float] = {}
+        for pair in planes:
+            if kind == "board" and part in pair.parts and abs(pair.gap) <= _SOLDERED:
+                other = pair.parts[pair.parts[0] == part]
+                beneath[other] = beneath.get(other, 0.0) + pair.area
+        if beneath:
+            groups.join([max(beneath, key=lambda other: beneath[other]), part], "by circuit board")
 
 
 def _play(fit: tuple[CadFace, CadFace]) -> float:
@@ -187,16 +203,27 @@ def _apart(first: CadFace, other: CadFace) -> float:
 
 
 def _rigid_subassemblies(parts: Sequence[CadPart], jointed: Sequence[frozenset[str]]) -> list[list[str]]:
-    """Return the parts of each subassembly without a joint in it."""
-    found: dict[tuple[int, ...], list[str]] = {}
+    """Return the parts of each subassembly without a joint in it; of one in several places, those of each place."""
+    found: dict[tuple[int, ...], list[CadPart]] = {}
     for part in parts:
         for depth in range(2, len(part.branch)):
-            found.setdefault(part.branch[:depth], []).append(part.name)
+            found.setdefault(part.branch[:depth], []).append(part)
     return [
         names
-        for names in found.values()
-        if 1 < len(names) < len(parts) and not any(pair <= set(names) for pair in jointed)
+        for own in found.values()
+        if 1 < len(own) < len(parts) and not any(pair <= {part.name for part in own} for pair in jointed)
+        for names in _places(own)
+        if len(names) > 1
     ]
+
+
+def _places(parts: Sequence[CadPart]) -> list[list[str]]:
+    """Return the names of parts, those together that are connected by boxes around them that touch."""
+    groups = _Groups(part.name for part in parts)
+    for one, other in combinations(parts, 2):
+        if (np.maximum(one.bounds[0], other.bounds[0]) <= np.minimum(one.bounds[1], other.bounds[1]) + _BESIDE).all():
+            groups.join([one.name, other.name], "")
+    return list({id(each): each for each in groups.of.values()}.values())
 
 
 def _join_touching(

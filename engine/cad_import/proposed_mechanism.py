@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from engine.cad.cad_model import CadAssembly, CadPart
+from engine.cad.findings.standard_parts import Coil
 from engine.cad_import.drawn_tolerances import Diameter, all_diameters, all_zones
-from engine.cad_import.found_geometry import FoundGeometry
+from engine.cad_import.found_geometry import FoundGeometry, FoundSpring
 from engine.cad_import.proposed_groups import PartGroup
 from engine.cad_import.proposed_joints import (
     AXIAL_PLAY,
@@ -53,6 +54,8 @@ rest = { window = 10.0, drift = 1e-5 }
 _SOME_DENSITY, _SOME_PLAY = 7.85e-3, 0.05  # g/mm3, mm: the free motions depend on neither
 _SHEAR_MODULUS = 81_500.0  # N/mm2, of spring wire, EN 13906-1
 _UNLOADED_SECONDS = 10.0  # of the processor
+_MOST_MOTIONS = 8  # without load, that the question about loads names
+_ALL_WAYS = frozenset(f"{way} {axis}" for way in ("along", "about") for axis in "xyz")
 _SOME_BODY = {"mass": 1.0, "center_of_mass": [0.0, 0.0, 0.0], "inertia": [1.0, 1.0, 1.0]}
 
 
@@ -193,43 +196,90 @@ def _body(found: FoundGeometry, part: CadPart, *, is_largest: bool) -> list[str]
 
 
 def _springs(found: FoundGeometry) -> list[str]:
-    """Return the tables of the coils, marked, below a question; empty if there are none."""
+    """Return the tables of the springs, marked, below a question; empty if there are none."""
     if not found.springs:
         return []
-    text = (
-        "is each coil a spring between the bodies at its ends? Its stiffness is that of steel wire, and free_length is"
-        " as drawn, so without a force: correct both"
-    )
-    lines = [question("springs", text)]
+    texts = ["is each of these a spring between the bodies at its ends? It is no body itself"]
+    if any(spring.coil for spring in found.springs):
+        texts.append("The stiffness of a coil is that of steel wire, its free_length as drawn, so without a force")
+    if by_name := [spring.name for spring in found.springs if spring.coil is None]:
+        texts.append(f"Of {some(by_name)} only the name says that they are springs")
+    lines = [question("springs", f"{'. '.join(texts)}: correct the numbers")]
     for spring in found.springs:
-        coil = spring.coil
-        wire = f"{coil.turns:.3g} turns of {coil.wire:.3g} mm wire"
-        ends = [
-            {"body": found.bodies[part], "point": np.round(found.to_body(part, end), 6) + 0.0}
-            for part, end in zip(spring.ends, coil.ends, strict=True)
+        lines += [
+            *marked(_coil_lines(found, spring, spring.coil) if spring.coil else _named_spring_lines(found, spring)),
+            "",
         ]
-        stiffness = _SHEAR_MODULUS * coil.wire**4 / (8 * coil.diameter**3 * coil.turns)
-        table = [
-            f"[springs.{spring.name}]".ljust(36) + f" # {wire}",
-            'type = "linear"',
-            key_line("a", ends[0]),
-            key_line("b", ends[1]),
-            key_line("stiffness", float(f"{stiffness:.3g}"), "N/mm"),
-            key_line("free_length", round(coil.length, 6), "mm"),
-        ]
-        lines += [*marked(table), ""]
     return lines
+
+
+def _ends(found: FoundGeometry, spring: FoundSpring) -> list[dict[str, Any]]:
+    """Return body and point of both ends of a spring."""
+    return [
+        {"body": found.bodies[part], "point": np.round(found.to_body(part, end), 6) + 0.0}
+        if part
+        else {"body": "NAME", "point": [0.0, 0.0, 0.0]}
+        for part, end in zip(spring.ends, spring.points, strict=True)
+    ]
+
+
+def _coil_lines(found: FoundGeometry, spring: FoundSpring, coil: Coil) -> list[str]:
+    """Return the table of a coil."""
+    stiffness = _SHEAR_MODULUS * coil.wire**4 / (8 * coil.diameter**3 * coil.turns)
+    wire = f"{coil.turns:.3g} turns of {coil.wire:.3g} mm wire"
+    first, second = _ends(found, spring)
+    return [
+        f"[springs.{spring.name}]".ljust(36) + f" # {wire}",
+        'type = "linear"',
+        key_line("a", first),
+        key_line("b", second),
+        key_line("stiffness", float(f"{stiffness:.3g}"), "N/mm"),
+        key_line("free_length", round(coil.length, 6), "mm"),
+    ]
+
+
+def _named_spring_lines(found: FoundGeometry, spring: FoundSpring) -> list[str]:
+    """Return the table of a spring without a known stiffness, which turns parts if it has turns and is no coil."""
+    first, second = _ends(found, spring)
+    header = f"[springs.{spring.name}]".ljust(36) + " # by its name"
+    if spring.axis is None:
+        length = float(np.linalg.norm(spring.points[1] - spring.points[0])) if all(spring.ends) else 0.0
+        lines = [key_line("a", first), key_line("b", second), key_line("stiffness", 1.0, "N/mm, to be corrected")]
+        return [header, 'type = "linear"', *lines, key_line("free_length", round(length, 6), "mm, to be corrected")]
+    part = spring.ends[0]
+    axis = found.assembly.part(part).placement.rotation.T @ spring.axis if part else spring.axis
+    return [
+        header,
+        'type = "torsion"',
+        key_line("a", first["body"]),
+        key_line("b", second["body"]),
+        key_line("axis", np.round(axis, 9) + 0.0),
+        key_line("stiffness", 1.0, "N mm/rad, to be corrected"),
+        key_line("free_angle", 0.0, "rad, to be corrected"),
+    ]
 
 
 def _loads(unloaded: UnloadedMotions) -> list[str]:
     text = "what drives the mechanism? Springs, forces and torques are in no CAD file"
     if unloaded.motions:
-        text += f". Nothing acts yet on {'; '.join(unloaded.motions)}: what is neither loaded nor held along these"
+        text += f". Nothing acts yet on {_folded(unloaded.motions)}: what is neither loaded nor held along these"
         text += f" never rests{f' ({unloaded.unseen})' if unloaded.unseen else ''}"
     elif unloaded.unseen:
         text += f". What nothing acts on is {unloaded.unseen}"
     example = ["[torques.drive]", 'body = "NAME"', "torque = [0.0, 0.0, 10.0]            # N mm"]
     return [question("loads", text), *marked(example), ""]
+
+
+def _folded(motions: Sequence[str]) -> str:
+    """Return motions in words, those of a body that is free in all directions as one; of many only the first."""
+    of_body: dict[str, list[str]] = {}
+    for motion in motions:
+        body, _, way = motion.partition(" ")
+        of_body.setdefault(body, []).append(way)
+    free = {body for body, ways in of_body.items() if set(ways) >= _ALL_WAYS}
+    each = list(dict.fromkeys(f"{b} in all directions" if (b := m.partition(" ")[0]) in free else m for m in motions))
+    more = len(each) - _MOST_MOTIONS
+    return "; ".join(each[:_MOST_MOTIONS]) + (f"; and {more} more" if more > 0 else "")
 
 
 def _responses(found: FoundGeometry) -> list[str]:

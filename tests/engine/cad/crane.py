@@ -1,4 +1,12 @@
-"""A crane drawn with OCP: a foot with a glued cover, and an arm of two parts that turns on a pin of the foot."""
+"""A crane drawn with OCP: a foot with a glued cover, and an arm of two parts that turns on a pin of the foot.
+
+Beside it, what has parts of other kinds: a lever with a torsion spring, a circuit board, two pedals on one rod.
+"""
+
+from OCP.BRep import BRep_Builder
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeTorus
+from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
+from OCP.TopoDS import TopoDS_Compound
 
 from tests.engine.cad.step_files import Drawing, box, cut, cylinder, fused, moved, place
 
@@ -31,4 +39,51 @@ def crane(cover="cover", more=None, material=ALUMINIUM):
     made.add(boom, made.product("arm", arm(), STEEL), name="arm")
     made.add(boom, made.product("weight", box((0.0, 0.0, 0.0), WEIGHT), STEEL), place(20.0, -5.0, ARM[2]), "weight")
     made.add(top, boom, place(z=PLAY), "boom")
+    return made
+
+
+def torsion_spring():
+    """Return a base with a lever on it, and a torsion spring about y: a turn, and a leg in a hole of each."""
+    made = Drawing()
+    top = made.assembly("brake")
+    base = fused(box((-20.0, 2.0, -10.0), (40.0, 4.0, 40.0)), cylinder((0, -8, 0), 2.0, 10, (0, 1, 0)))
+    lever = cut(box((-4.0, -6.0, -4.0), (30.0, 6.0, 8.0)), cylinder((0, -7, 0), 2.05, 9, (0, 1, 0)))
+    ring = BRepPrimAPI_MakeTorus(gp_Ax2(gp_Pnt(0, -7, 0), gp_Dir(0, 1, 0)), 3.0, 0.25).Shape()
+    legs = cylinder((3, -7, 0), 0.25, 11, (0, 1, 0)), cylinder((-3, -7, 0), 0.25, 4, (0, 1, 0))
+    spring, builder = TopoDS_Compound(), BRep_Builder()
+    builder.MakeCompound(spring)
+    for each in (ring, *legs):
+        builder.Add(spring, each)
+    holes = [cylinder((x, -9, 0), 0.3, 18, (0, 1, 0)) for x in (3, -3)]
+    made.add(top, made.product("base", cut(base, holes[0]), STEEL), name="base")
+    made.add(top, made.product("lever", cut(lever, holes[1]), STEEL), name="lever")
+    made.add(top, made.product("Schenkelfeder", spring, STEEL), name="Schenkelfeder")
+    return made
+
+
+def board():
+    """Return a board on which two components are soldered, and a lid beside it that nothing touches."""
+    made = Drawing()
+    top = made.assembly("sensor")
+    made.add(top, made.product("carrier", box((0, 0, 0), (20.0, 30.0, 1.6))), name="carrier")
+    chip = made.product("R_0805_2012Metric", box((0, 0, 0), (2.0, 1.25, 0.5)))
+    made.add(top, chip, place(3.0, 5.0, 1.65))
+    made.add(top, chip, place(3.0, 9.0, 1.65))
+    made.add(top, made.product("lid", box((0, 0, 0), (20.0, 30.0, 1.0))), place(z=9.0), "lid")
+    return made
+
+
+def pedals():
+    """Return a rod in a stand, and a subassembly of two pedals on it, each of an arm and a plate."""
+    made = Drawing()
+    top, both = made.assembly("car"), made.assembly("pedals")
+    stand = cut(box((-2.0, -10.0, -10.0), (4.0, 20.0, 20.0)), cylinder((-3, 0, 0), 4.05, 6, (1, 0, 0)))
+    made.add(top, made.product("stand", stand, STEEL), name="stand")
+    made.add(top, made.product("rod", cylinder((-2, 0, 0), 4.0, 100, (1, 0, 0)), STEEL), name="rod")
+    lever = cut(box((0.0, -8.0, -50.0), (6.0, 16.0, 60.0)), cylinder((-1, 0, 0), 4.05, 8, (1, 0, 0)))
+    arm, plate = made.product("arm", lever, STEEL), made.product("plate", box((-5, 8, -50), (16.0, 3.0, 20.0)), STEEL)
+    for x in (20.0, 60.0):
+        made.add(both, arm, place(x))
+        made.add(both, plate, place(x))
+    made.add(top, both, name="pedals")
     return made

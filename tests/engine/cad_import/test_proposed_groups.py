@@ -14,7 +14,7 @@ from engine.cad_import.found_geometry import find_geometry
 from engine.cad_import.proposed_groups import PartGroup, groups_of_bodies, listed_groups, updated_groups
 from engine.cad_import.proposed_mechanism import proposed_mechanism, unloaded_directions
 from tests.engine.cad.bought import COIL, gearbox
-from tests.engine.cad.crane import ARM, BORE, COVER, FOOT, PLAY, WEIGHT, crane
+from tests.engine.cad.crane import ARM, BORE, COVER, FOOT, PLAY, WEIGHT, board, crane, pedals, torsion_spring
 
 pytestmark = pytest.mark.processes
 
@@ -198,6 +198,36 @@ def test_a_coil_is_a_spring(tmp_path):
     assert spring["stiffness"] == pytest.approx(exact, rel=0.02)
     assert (spring["a"]["body"], spring["b"]["body"]) == ("shelf", "lid")
     np.testing.assert_allclose(np.subtract(spring["b"]["point"], spring["a"]["point"]), [0, 0, 13], atol=0.05)
+
+
+def test_a_spring_by_its_name(tmp_path):
+    """One with legs in two parts is no body that would lock them, but turns them about the axis of its turns."""
+    drawing, path = torsion_spring().write(tmp_path / "brake.step"), tmp_path / "brake.toml"
+    said = imported(tmp_path, drawing, "-o", path, "--no-pictures")
+    assert "\nspring Schenkelfeder: between base and lever\n" in said
+    tables = tomllib.loads(path.read_text())
+    assert (list(tables["bodies"]), list(tables["joints"])) == (["base", "lever"], ["base-lever"])
+    lines = path.read_text().partition("# [springs.Schenkelfeder]")[2].splitlines()[1:7]
+    spring = tomllib.loads("\n".join(line.removeprefix("# ") for line in lines))
+    assert (spring["type"], spring["a"], spring["b"]) == ("torsion", "base", "lever")
+    np.testing.assert_allclose(np.abs(spring["axis"]), [0, 1, 0], atol=1e-9)
+    assert "Of Schenkelfeder only the name says" in path.read_text()
+
+
+def test_components_join_their_board(tmp_path):
+    """A gap as of solder is none; what is farther away is a body of its own."""
+    found = find_geometry(read_step(board().write(tmp_path / "sensor.step")))
+    parts = ("carrier", "R_0805_2012Metric-1", "R_0805_2012Metric-2")
+    assert found.groups == (PartGroup("carrier", parts, "by circuit board"),)
+    assert list(found.bodies) == ["carrier", "lid"]
+
+
+def test_a_subassembly_in_two_places(tmp_path):
+    """Two pedals on a rod are one subassembly, but turn each for itself."""
+    found = find_geometry(read_step(pedals().write(tmp_path / "car.step")))
+    assert {group.parts for group in found.groups} == {("arm-1", "plate-1"), ("arm-2", "plate-2")}
+    turning = {(joint.pin.journal, joint.pin.bearing) for joint in found.joints}
+    assert turning == {("rod", "arm-1"), ("rod", "arm-2"), ("rod", "stand")}
 
 
 def test_one_body_is_no_mechanism(drawn):

@@ -8,7 +8,7 @@ import pytest
 
 from engine import MechanismError, check, load_mechanism
 from engine.cad_import.found_geometry import find_geometry
-from engine.cad_import.proposed_mechanism import proposed_mechanism, unloaded_directions
+from engine.cad_import.proposed_mechanism import UnloadedMotions, proposed_mechanism, unloaded_directions
 from engine.cad_import.proposed_text import open_questions, questions_of_file
 from tests.engine.mechanism.geometry.latch_file import LATCH
 
@@ -78,6 +78,16 @@ def test_what_nothing_acts_on(latch):
     ]
     question = proposed_mechanism(latch, "latch.step", "latch", motions).partition("#? loads: ")[2].splitlines()[0]
     assert "; crank along z, the axis of base-crank and crank-coupler;" in question
+
+
+def test_many_motions_are_folded(latch):
+    """The question names a body that nothing holds once, and of many motions the first eight."""
+    ways = [f"{way} {axis}" for way in ("along", "about") for axis in "xyz"]
+    motions = (*(f"crank {way}" for way in ways), *(f"rocker about ({i}, 0, 1)" for i in range(20)))
+    text = proposed_mechanism(latch, "latch.step", "latch", UnloadedMotions(motions))
+    [line] = [line for line in text.splitlines() if line.startswith("#? loads")]
+    said = line.partition("acts yet on ")[2].partition(": what is")[0].split("; ")
+    assert said == ["crank in all directions", *motions[6:13], "and 13 more"]
 
 
 def test_what_cannot_start_as_drawn(latch):
