@@ -130,8 +130,9 @@ def monitored(
         for each, those, values in found
         if those
     }
-    answers = what_if(store, plan, settings, estimated)
-    indices = [_index(plan, name, each) for name, each in answers.items() if _is_limited(plan, name)]
+    limited = [name for name in plan.mechanism.responses if _is_limited(plan, name)]
+    answers = what_if(store, plan, settings, estimated, limited) if limited else {}
+    indices = [_index(plan, name, each) for name, each in answers.items()]
     other = None
     if rerun and any(each.refusal for each in indices):
         other = submit_changed(store, plan, changed, by, capacity or Capacity()).campaign

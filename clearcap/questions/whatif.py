@@ -48,12 +48,17 @@ class Refused:
 
 
 def what_if(
-    store: Store, plan: Plan, settings: Sequence[str], estimated: Mapping[str, EstimatedDistribution] | None = None
+    store: Store,
+    plan: Plan,
+    settings: Sequence[str],
+    estimated: Mapping[str, EstimatedDistribution] | None = None,
+    responses: Sequence[str] | None = None,
 ) -> dict[str, WhatIf]:
     """Return `what_if_from` for the samples in the store."""
     check_drawn(plan.spec)
     changed_variables(plan.spec, settings)  # report faults of settings before reading any row
-    return what_if_from(plan, independent_samples(store, plan), settings, estimated=estimated)
+    columns = independent_samples(store, plan)
+    return what_if_from(plan, columns, settings, estimated=estimated, responses=responses)
 
 
 def what_if_from(
@@ -63,8 +68,9 @@ def what_if_from(
     *,
     emulates: bool = True,
     estimated: Mapping[str, EstimatedDistribution] | None = None,
+    responses: Sequence[str] | None = None,
 ) -> dict[str, WhatIf]:
-    """Return every response under changed distributions; for the settings see `changed_variables`.
+    """Return all responses, or some, under changed distributions; for the settings see `changed_variables`.
 
     The intervals include how well the distributions of `estimated` variables are known; others are exact.
 
@@ -73,9 +79,9 @@ def what_if_from(
     """
     change, lots = change_of(plan, columns, settings), lots_of(plan, columns.number)
     change = replace(change, doubt=_doubt(estimated, columns.values))
-    responses = {name: columns.values[name] for name in plan.mechanism.responses}
+    values = {name: columns.values[name] for name in responses or plan.mechanism.responses}
     try:
-        answers = what_if_all(responses, change, limits_of(plan), lots=lots)
+        answers = what_if_all(values, change, limits_of(plan), lots=lots)
     except ReportError as error:
         raise CampaignError(f"what if of {plan.campaign_id}: {error}") from error
     refused = [name for name, answer in answers.items() if answer.refusal]
@@ -88,7 +94,7 @@ def what_if_from(
     limits = limits_of(plan)
     return answers | {
         name: emulated_what_if(
-            responses[name], old, {v: new[v] for v in names}, limits[name], answers[name], _doubt(estimated, new)
+            values[name], old, {v: new[v] for v in names}, limits[name], answers[name], _doubt(estimated, new)
         )
         for name in refused
     }

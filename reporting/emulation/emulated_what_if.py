@@ -91,14 +91,15 @@ def emulated_answer(
 ) -> WhatIf:
     """Return the answer at new samples (m, d), with the emulator's error; `weighted` says why weights give none."""
     random = np.random.Generator(np.random.Philox(len(x)))
-    mean = emulator.mean(x) + emulator.scatter * random.standard_normal(len(x))
+    smooth = emulator.mean(x)
+    mean = smooth + emulator.scatter * random.standard_normal(len(x))
     base, places = what_if(mean, Change(np.zeros(len(x)), doubt=doubt), *limits), slice(0, _PLACES)
     same = Change(np.zeros(len(x[places])))
     of_mean = what_if(mean[places], same, *limits)
     deviations = sampled_deviations(emulator, x[places], _FUNCTIONS, random)
     others = [what_if(mean[places] + each, same, *limits) for each in deviations.T]
     fewer = [emulator.without(part, _PARTS).mean(x[places]) for part in range(_PARTS)]
-    parts = [what_if(each + mean[places] - emulator.mean(x[places]), same, *limits) for each in fewer]
+    parts = [what_if(each + (mean - smooth)[places], same, *limits) for each in fewer]
     numbers: dict[str, Any] = {}
     for key in (field.name for field in fields(WhatIf)):
         estimate, here = getattr(base, key), getattr(of_mean, key)
