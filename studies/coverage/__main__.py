@@ -21,6 +21,7 @@ from campaign.row_build import clearcap_version
 from studies import show
 from studies.coverage.estimates import (
     advice,
+    allocations,
     attributions,
     causes,
     changes,
@@ -76,6 +77,7 @@ REPLICATIONS: dict[Estimate, int] = {
 }
 # Estimates for some productions only.
 OF_JUMPS, OF_REJECTS, OF_RARE, OF_DESIGNED, OF_STOPS, OF_VERDICTS = 60, 60, 200, 40, 100, 40
+OF_ALLOCATIONS = 30
 LAST = 3200  # values at which a verdict in turn ends
 
 
@@ -88,6 +90,7 @@ def cases(share: float = 1.0) -> list[Case]:
         for n in SIZES
     ]
     found += [Case(causes, p, n, round(share * OF_JUMPS)) for p in JUMPS for n in SIZES[1:]]
+    found += [Case(allocations, p, n, round(share * OF_ALLOCATIONS)) for p in SHAPES for n in SIZES[1:]]
     found += [Case(attributions, p, n, round(share * OF_REJECTS)) for p in (SHAPES[0], *LOTS) for n in SIZES[1:]]
     found += [Case(verdicts, p, n, round(share * OF_VERDICTS)) for p in (*SHAPES, *JUDGED_SHAPES, *LOTS) for n in SIZES]
     judged_in_turn = (SHAPES[0], *JUDGED_SHAPES)

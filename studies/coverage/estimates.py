@@ -1,6 +1,6 @@
 """The estimates that the study repeats. Each function draws one campaign and yields the report's statements on it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, cast
@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 from scipy.optimize import brentq
 from scipy.stats import multivariate_normal, norm
+from scipy.stats.qmc import Sobol
 
 from campaign.coordinator.stopping_rule import judge
 from campaign.plan import Plan
@@ -20,6 +21,7 @@ from reporting.capability.shares import nonconforming
 from reporting.capability.summary import NOT_NORMAL, capability, target_indices
 from reporting.capability.verdict import USUAL, CapabilityVerdict, index_of_share
 from reporting.comparison import compare
+from reporting.emulation.emulated_tolerances import NEW_SAMPLES, EmulatedTolerances
 from reporting.product_yield import product_yield
 from reporting.sensitivity.regression import shapley_values
 from reporting.sensitivity.reject_attribution import reject_attribution
@@ -28,6 +30,8 @@ from reporting.shape.fitting import fit_families
 from reporting.shape.nonnormal import NonnormalIndices
 from reporting.shape.normality import normality
 from reporting.tolerance.advice import Rows, advise
+from reporting.tolerance.allocation import CostedVariable, Requirement, allocate
+from reporting.tolerance.cost_laws import PowerLaw
 from reporting.tolerance.reweighting import Change
 from reporting.tolerance.whatif import what_if
 from reporting.tolerance_intervals import tolerance_intervals
@@ -329,6 +333,40 @@ def advice(production: Production, n: int, rng: np.random.Generator) -> Iterator
     given = found.factor is not None and not found.refusal
     interval = (low if low is not None else 0.0, high if high is not None else np.inf)
     yield Statement("advice: factor", interval if given else None, largest_factor(production.shape))
+
+
+def allocations(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield the interval of Cpk where the first variable gets the cheapest, so the widest, sigma that is allowed."""
+    x = production.variables(n, rng)
+    y = production.values(x)
+    mean, std = moments(production.shape)
+    limits = (mean - 3 * PRESENT[0] * std, mean + 3 * PRESENT[1] * std)
+    share = {VARIABLES[0]: SHARES[0]}
+    wanted = Requirement(RESPONSE, float(y.mean()), float(y.std(ddof=1)), *limits, TARGET, share)
+
+    def rescale(factors: Mapping[str, float], rows: Rows) -> Change:
+        return _change(x[rows, 0], factors[VARIABLES[0]])
+
+    def drawn(factors: Mapping[str, float]) -> Mapping[str, Array]:
+        return {name: z * factors.get(name, 1.0) for name, z in zip(VARIABLES, _new_scores().T, strict=True)}
+
+    rows = dict(zip(VARIABLES, x.T, strict=True))
+    emulation = EmulatedTolerances(rows, {RESPONSE: y}, {RESPONSE: limits}, drawn)
+    costed = CostedVariable(VARIABLES[0], 1.0, PowerLaw(0.0, 1.0), 0.1, 10.0)
+    found = allocate([costed], [wanted], {RESPONSE: y}, rescale, emulation=emulation)
+    if not found.responses:
+        yield Statement("allocation: Cpk", None, 0.0)
+        return
+    new_mean, new_std = moments(production.shape, _spread(found.factors[VARIABLES[0]]))
+    true = min(new_mean - limits[0], limits[1] - new_mean) / (3 * new_std)
+    yield Statement("allocation: Cpk", found.responses[0].cpk_interval, true)
+
+
+@lru_cache(maxsize=1)
+def _new_scores() -> Array:
+    """Return standard normal scores of the variables that are spread evenly."""
+    points = Sobol(len(VARIABLES), rng=95).random(NEW_SAMPLES)
+    return np.asarray(norm.ppf(points))
 
 
 @lru_cache(maxsize=16)

@@ -112,6 +112,7 @@ GROUPS = {
     "what if: mean, sigma, Cpk": "what if .*: (mean|sigma|Cpk)",
     "what if: ppm": "what if .*: ppm",
     "advice: factor": "advice: factor",
+    "allocation: Cpk": "allocation: Cpk",
     "differences of two campaigns": "difference .*|ratio .*",
     "at the stop: Cpk, mean, sigma": "at the stop: .*",
     "rare rejects": "rare, (below|above|total)",

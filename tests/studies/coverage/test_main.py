@@ -67,6 +67,7 @@ def test_every_number_has_a_row():
     numbers = set()
     for estimate in (*coverage.REPLICATIONS, coverage.attributions, coverage.verdicts):
         numbers |= {key[0] for key in Case(estimate, LOTS[0], 50, 1).tallies()}
+    numbers |= {key[0] for key in Case(coverage.allocations, SHAPES[0], 100, 1).tallies()}
     numbers |= {key[0] for key in Case(coverage.verdicts_in_turn, SHAPES[0], 100, 1).tallies()}
     numbers |= {key[0] for key in Case(coverage.rare_shares, AIMED[0], 50, 1).tallies()}
     numbers |= {key[0] for key in Case(coverage.designed_shares, DESIGNED[0], 50, 1).tallies()}
