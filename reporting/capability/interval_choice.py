@@ -299,7 +299,9 @@ PROVEN = 0.05
 _FEW_VALUES = 50
 # Below this, a few values dominate sigma, and 95 % intervals of Cpk cover 79 to 90 %: of samples of 500 values, 94 % of
 # Student's t with 3 degrees of freedom, all of lognormal(1), 1 % of the normal ones. Of smaller samples so many normal
-# ones are below it that it says nothing.
+# ones are below it that it says nothing; in larger ones it grows as the root of their number. The degrees of freedom
+# grow as the number itself, or not at all if larger samples have ever larger extreme values: by a constant 17 % of the
+# samples of 5,000 values of t3 had no warning, and half of their intervals held; 1 % of them have none now.
 _FEW_FREEDOM, _TELLS_FROM = 25.0, 500
 # A part of this many times the width may be missing among n values; what it would do to sigma depends on n alone, so it
 # is said of every sample, not of those that happen to have an outlier, which need it least. Below `_SMALL` it is not.
@@ -417,7 +419,7 @@ def _of_moments(n: int, p: float, freedom: float) -> str:
     few = ""
     if n < _FEW_VALUES:
         few = f" With fewer than {_FEW_VALUES} values the intervals of a skewed response cover less than stated."
-    elif n >= _TELLS_FROM and freedom < _FEW_FREEDOM:
+    elif n >= _TELLS_FROM and freedom < _FEW_FREEDOM * math.sqrt(n / _TELLS_FROM):
         few = " A few extreme values determine sigma: if rarer, larger ones exist, the intervals are too narrow."
     return f"The intervals rest on the values' own third and fourth moments: {why}.{few}{_unseen(n)}"
 

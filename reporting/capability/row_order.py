@@ -35,6 +35,10 @@ FALSE_ALARMS = 0.01
 # Fewer values, or lots, show only what is plain to see; of fewer different ones the tests raise too many alarms.
 FEWEST, FEWEST_DIFFERENT = 20, 5
 _TESTS = 3
+# How surely a correlation of neighbours must be found to count as seen, and by which part the interval of the mean must
+# be too narrow to be worth a sentence.
+_SEEN, _NARROWER = 0.95, 0.2
+_MOST_CORRELATED = 0.9
 DIFFER = "differ more than chance would have it"
 
 
@@ -51,6 +55,21 @@ class RowOrder:
     p: float
     seen: str  # what is conspicuous; empty if p is not below `FALSE_ALARMS`
     finding: str  # what is wrong and what to do, in sentences; empty like `seen`
+
+    @property
+    def unseen(self) -> str:
+        """What so few values do not show, in one sentence; empty if that is little."""
+        # The rank correlation of independent neighbours has the variance 1 / n; a correlation rho of neighbours (a
+        # first-order autoregression) multiplies the variance of a mean by (1 + rho) / (1 - rho).
+        scores = float(ndtri(1 - FALSE_ALARMS / (2 * _TESTS)) + ndtri(_SEEN))
+        rho = min(scores / math.sqrt(self.n), _MOST_CORRELATED)
+        growth = math.sqrt((1 + rho) / (1 - rho))
+        if growth < 1 + _NARROWER:
+            return ""
+        return (
+            f"{self.n} values show a correlation of neighbours surely only above {rho:.2f}; below, the interval of the"
+            f" mean may be up to {growth:.1f} times too narrow."
+        )
 
 
 def row_order(x: Array, lots: NDArray[np.generic] | None = None) -> RowOrder | None:

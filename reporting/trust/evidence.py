@@ -115,7 +115,9 @@ def row_order(responses: tuple[ResponseAnalysis, ...]) -> tuple[Check, ...]:
     smallest_p = min(order.p for _, order in tested)
     if not found:
         text = "No response drifts from row to row, and neighbours neither resemble each other nor differ beyond chance"
-        return (Check(name, "good", f"{text} (smallest p {format_numbers.probability(smallest_p)}).", smallest_p),)
+        unseen = min((order for _, order in tested), key=lambda order: order.n).unseen
+        text = f"{text} (smallest p {format_numbers.probability(smallest_p)}). {unseen}".rstrip()
+        return (Check(name, "good", text, smallest_p),)
     alarm = f"By chance alone this is said of {100 * FALSE_ALARMS:.0f} % of stable responses."
     return (Check(name, "attention", f"{' '.join(found)} {alarm}", smallest_p),)
 

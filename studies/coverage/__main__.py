@@ -30,14 +30,25 @@ from studies.coverage.estimates import (
     differences,
     indices,
     methods,
+    pages,
     products,
     stops,
     verdicts,
     verdicts_in_turn,
 )
-from studies.coverage.outcomes import Key, Statement, Tally, details, faults, table, tallied
-from studies.coverage.productions import JUDGED_SHAPES, JUMPS, LOTS, LOTS_IN_TURN, SHAPES, SIZES, Production
-from studies.coverage.rare import AIMED, DESIGNED, designed_shares, rare_shares
+from studies.coverage.outcomes import GROUPS, Key, Statement, Tally, details, faults, table, tallied
+from studies.coverage.productions import (
+    IN_ORDER,
+    JUDGED_SHAPES,
+    JUMPS,
+    LOTS,
+    LOTS_IN_TURN,
+    MORE_SHAPES,
+    SHAPES,
+    SIZES,
+    Production,
+)
+from studies.coverage.rare import AIMED, DESIGNED, LITERATURE, designed_shares, rare_shares
 
 SEED = 95
 Estimate = Callable[[Production, int, np.random.Generator], Iterator[Statement]]
@@ -76,8 +87,8 @@ REPLICATIONS: dict[Estimate, int] = {
     contents: 300,
 }
 # Estimates for some productions only.
-OF_JUMPS, OF_REJECTS, OF_RARE, OF_DESIGNED, OF_STOPS, OF_VERDICTS = 60, 60, 200, 40, 100, 40
-OF_ALLOCATIONS = 30
+OF_JUMPS, OF_REJECTS, OF_RARE, OF_DESIGNED, OF_STOPS, OF_VERDICTS, OF_TURNS = 60, 60, 200, 40, 100, 10, 40
+OF_ALLOCATIONS, OF_ORDER, OF_LITERATURE = 20, 250, 20
 LAST = 3200  # values at which a verdict in turn ends
 
 
@@ -89,17 +100,38 @@ def cases(share: float = 1.0) -> list[Case]:
         for production in (*SHAPES, *LOTS)
         for n in SIZES
     ]
+    found += [Case(indices, p, n, round(share * OF_ORDER)) for p in (*MORE_SHAPES, *IN_ORDER) for n in SIZES]
     found += [Case(causes, p, n, round(share * OF_JUMPS)) for p in JUMPS for n in SIZES[1:]]
     found += [Case(allocations, p, n, round(share * OF_ALLOCATIONS)) for p in SHAPES for n in SIZES[1:]]
     found += [Case(attributions, p, n, round(share * OF_REJECTS)) for p in (SHAPES[0], *LOTS) for n in SIZES[1:]]
-    found += [Case(verdicts, p, n, round(share * OF_VERDICTS)) for p in (*SHAPES, *JUDGED_SHAPES, *LOTS) for n in SIZES]
+    found += [Case(verdicts, p, n, round(share * OF_VERDICTS)) for p in (*SHAPES, *LOTS) for n in SIZES]
+    found += [Case(pages, p, n, round(share * OF_VERDICTS)) for p in MORE_SHAPES for n in SIZES]
     judged_in_turn = (SHAPES[0], *JUDGED_SHAPES)
-    found += [Case(verdicts_in_turn, p, LAST, round(share * OF_VERDICTS)) for p in judged_in_turn]
+    found += [Case(verdicts_in_turn, p, LAST, round(share * OF_TURNS)) for p in judged_in_turn]
     found += [Case(rare_shares, p, n, round(share * OF_RARE)) for p in AIMED for n in SIZES[1:]]
     found += [Case(designed_shares, p, max(SIZES), round(share * OF_DESIGNED)) for p in DESIGNED]
+    found += [Case(designed_shares, p, max(SIZES), round(share * OF_LITERATURE)) for p in LITERATURE]
     found += [Case(stops, production, max(SIZES), round(share * OF_STOPS)) for production in LOTS_IN_TURN]
     # So that no process is left with a long case when the others have finished.
     return sorted(found, key=lambda case: -case.n * case.replications)
+
+
+# Of verdicts, and of other numbers.
+_WORDS = tuple(group for group in GROUPS if group.startswith("certain verdicts, index"))
+_REST = tuple(group for group in GROUPS if group not in _WORDS)
+_OF_PAGES = ("mean, sigma", "Pp, Ppk, ppm", "Pareto", "tolerance intervals, normal", "tolerance intervals, any")
+# The productions of each table, its groups of numbers, and whether it has a row for each production.
+TABLES: tuple[tuple[tuple[Production, ...], tuple[str, ...], bool], ...] = (
+    (SHAPES, _REST, False),
+    (MORE_SHAPES, tuple(group for group in _REST if group.startswith(_OF_PAGES)), True),
+    ((*SHAPES, *MORE_SHAPES, *LOTS), _WORDS, True),
+    (JUDGED_SHAPES, ("certain verdicts, in turn",), False),
+    (LOTS, _REST, False),
+    (IN_ORDER, _REST, True),
+    (JUMPS, ("first-order indices", "share of interactions"), False),
+    *((productions, _REST, False) for productions in (LOTS_IN_TURN, AIMED, DESIGNED)),
+    (LITERATURE, _REST, True),
+)
 
 
 def all_tallies(chosen: list[Case], mapped: Callable[..., Iterable[dict[Key, Tally]]] = map) -> dict[Key, Tally]:
@@ -116,9 +148,10 @@ def lines(
     """Yield the lines of the tables of some cases; ``mapped`` is `map` or a parallel substitute."""
     began = time.monotonic()
     tallies = all_tallies(chosen, mapped)
-    for productions in (SHAPES, JUDGED_SHAPES, LOTS, JUMPS, LOTS_IN_TURN, AIMED, DESIGNED):
-        if any(key[1] == production.name for key in tallies for production in productions):
-            yield from (*table(tallies, productions), "")
+    for productions, groups, tall in TABLES:
+        found = list(table(tallies, productions, groups, tall=tall))
+        if any(cell.strip(" /") for line in found[2:] for cell in line.split("|")[2:]):
+            yield from (*found, "")
     if detailed:
         yield from (*details(tallies), "")
     replications = sum(case.replications for case in chosen)

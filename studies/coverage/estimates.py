@@ -1,5 +1,6 @@
 """The estimates that the study repeats. Each function draws one campaign and yields the report's statements on it."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -16,6 +17,7 @@ from campaign.plan import Plan
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.store import Store
 from engine.arrays import Array
+from reporting.analysis import Analysis
 from reporting.capability.intervals import with_ends
 from reporting.capability.shares import nonconforming
 from reporting.capability.summary import NOT_NORMAL, capability, target_indices
@@ -34,28 +36,30 @@ from reporting.tolerance.allocation import CostedVariable, Requirement, allocate
 from reporting.tolerance.cost_laws import PowerLaw
 from reporting.tolerance.reweighting import Change
 from reporting.tolerance.whatif import what_if
-from reporting.tolerance_intervals import tolerance_intervals
+from reporting.tolerance_intervals import ToleranceIntervals, tolerance_intervals
 from studies.coverage.outcomes import Statement
 from studies.coverage.productions import (
     CONFIDENCE,
-    CURVES,
-    LIMITS,
     RESPONSE,
     SHARES,
     VARIABLES,
     Production,
-    Truth,
-    distance_from_normal,
-    explained,
     first_order,
-    moments,
     page,
     request,
     samples_of,
-    share_below,
-    truth,
     warned_of_all,
     warned_of_normal,
+)
+from studies.coverage.shapes import (
+    CURVES,
+    LIMITS,
+    Truth,
+    distance_from_normal,
+    explained,
+    moments,
+    share_within,
+    truth,
 )
 
 INFINITE = float("inf")
@@ -65,6 +69,7 @@ FIRST = 50  # values that are judged first, if they are drawn in turn
 CLASSES = ("not capable", "marginal", "capable")
 SECOND = "second"
 CONTENTS = (0.95, 0.9973)
+OF_SHAPE = re.compile("Z.bench|ppm|.*fitted|tail")
 _WEIGHTS = np.sqrt(SHARES)
 # The second response uses the variables of the first one in another order.
 _SECOND_WEIGHTS = _WEIGHTS[[2, 0, 1, 3, 4]]
@@ -74,12 +79,18 @@ def indices(production: Production, n: int, rng: np.random.Generator) -> Iterato
     """Yield the intervals of `reporting.capability` that are based on mean and sigma."""
     true, lots = truth(production.shape), production.lot_of(n)
     y = production.draw(n, rng)
-    c = capability(y, true.lsl, true.usl, true.target, CONFIDENCE, lots, ordered=False)
+    in_order = production.series is not None and lots is None
+    c = capability(y, true.lsl, true.usl, true.target, CONFIDENCE, lots, ordered=in_order)
     around = target_indices(y, true.lsl, true.usl, true.target, CONFIDENCE, lots)
     assert around is not None
     middle, half = (true.usl + true.lsl) / 2, (true.usl - true.lsl) / 2
     tau = np.hypot(true.std, true.mean - true.target)
     room = min(true.usl - true.target, true.target - true.lsl)
+    disordered = c.order is not None and bool(c.order.finding)
+    if in_order:
+        cautioned = c.order is not None and bool(c.order.unseen)
+    else:
+        cautioned = any(words in c.interval_reason for words in ("too narrow", "may miss", "cover less"))
     for number, interval, value in (
         ("mean", c.mean_interval, true.mean),
         ("sigma", c.std_interval, true.std),
@@ -93,8 +104,8 @@ def indices(production: Production, n: int, rng: np.random.Generator) -> Iterato
         ("Cpm*", around.cpm_star_interval, room / (3 * tau)),
         ("Cpmk", around.cpmk_interval, true.cpk * true.std / tau),
     ):
-        yield Statement(number, interval, float(value))
-    if c.within is not None:
+        yield Statement(number, interval, float(value), disordered, cautioned)
+    if c.within is not None and production.series is None:
         cp_within = true.cp / np.sqrt(1 - explained(production.shape, production.share_between))
         yield Statement("Cp within lots", c.within.cp_interval, float(cp_within))
 
@@ -115,7 +126,12 @@ def counts(production: Production, n: int, rng: np.random.Generator) -> Iterator
 def methods(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
     """Yield the intervals based on the shape: shares of a normal distribution, and methods that do without it."""
     true = truth(production.shape)
-    (analysed,), card = (found := page(production, production.draw(n, rng), true)).responses, found.trust
+    yield from _of_page(page(production, production.draw(n, rng), true), production, true)
+
+
+def _of_page(found: Analysis, production: Production, true: Truth) -> Iterator[Statement]:
+    """Yield the intervals of a page that are based on the shape."""
+    (analysed,), card = found.responses, found.trust
     warned, c = warned_of_all(card), analysed.capability
     misleading = warned or warned_of_normal(card) or NOT_NORMAL in c.notes
     yield Statement("Z.bench", c.z_bench_interval, float(norm.isf(1e-6 * true.ppm)), misleading)
@@ -156,10 +172,20 @@ def _of_method(word: str, m: NonnormalIndices | None, true: Truth, *, warned: bo
 
 def verdicts(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
     """Yield the class of a certain verdict, and the true class by the share beyond the worse limit."""
+    yield from (said for said in pages(production, n, rng) if said.number.startswith("certain"))
+
+
+def pages(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield the class of a certain verdict with limits of each class, and all that the page of a marginal one says."""
     y = production.draw(n, rng)
     for word, limits in JUDGED.items():
         true = truth(production.shape, limits=limits)
-        yield _judged(f"certain verdict, {word}", page(production, y, true).responses[0].verdict, true)
+        found = page(production, y, true)
+        yield _judged(f"certain verdict, {word}", found.responses[0].verdict, true)
+        if word == "marginal":
+            yield from (said for said in _of_page(found, production, true) if OF_SHAPE.match(said.number))
+            assert found.responses[0].tolerance_intervals is not None
+            yield from _of_claims(found.responses[0].tolerance_intervals, production)
 
 
 def verdicts_in_turn(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
@@ -184,6 +210,11 @@ def contents(production: Production, n: int, rng: np.random.Generator) -> Iterat
     """Yield the share that each tolerance interval claims to contain at least, and the share that it contains."""
     y = production.draw(n, rng)
     found = tolerance_intervals(y, normality(y, CONFIDENCE), fit_families(y), CONFIDENCE, production.lot_of(n))
+    yield from _of_claims(found, production)
+
+
+def _of_claims(found: ToleranceIntervals, production: Production) -> Iterator[Statement]:
+    """Yield the share that each tolerance interval claims to contain at least, and the share that it contains."""
     for claim in found.claims:
         if claim.content not in CONTENTS:
             continue
@@ -192,18 +223,13 @@ def contents(production: Production, n: int, rng: np.random.Generator) -> Iterat
             ("any", claim.free, claim.free_lower, claim.free_upper),
         ):
             shares = (
-                ("between", None if between is None else _share(production.shape, *between)),
-                ("above", None if above is None else _share(production.shape, above, np.inf)),
-                ("below", None if below is None else _share(production.shape, -np.inf, below)),
+                ("between", None if between is None else share_within(production.shape, *between)),
+                ("above", None if above is None else share_within(production.shape, above, np.inf)),
+                ("below", None if below is None else share_within(production.shape, -np.inf, below)),
             )
             for side, share in shares:
                 claimed = None if share is None else (claim.content, 1.0)
                 yield Statement(f"contains {claim.content}, {kind}, {side}", claimed, share or 0.0)
-
-
-def _share(shape: str, low: float, high: float) -> float:
-    """Return the share of a shape's values between two values."""
-    return share_below(shape, high) - share_below(shape, low)
 
 
 def products(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
@@ -255,6 +281,7 @@ def causes(production: Production, n: int, rng: np.random.Generator) -> Iterator
     warned = any("too narrow" in note for note in found.notes)
     for influence, value in zip(found.influences, first_order(production), strict=True):
         yield Statement(f"first order, {influence.variable}", influence.first_order_interval, value, warned)
+    yield Statement("interactions", found.interaction_interval, 1 - sum(first_order(production)), warned)
 
 
 def attributions(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:

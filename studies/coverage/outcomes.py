@@ -33,6 +33,7 @@ class Statement:
     interval: Interval | None  # None if the page has none
     truth: float
     warned: bool = False  # the page warns that the interval may not be valid
+    cautioned: bool = False  # the page says what the values may not show, and that the interval would be too narrow
 
     def outcome(self) -> str:
         """Return the outcome of the interval; it misses low if it ends below the true value."""
@@ -52,6 +53,7 @@ class Tally:
     """How often each outcome occurred for one number in one case."""
 
     counts: Counter[str] = field(default_factory=Counter)
+    cautioned: int = 0  # intervals with a caution
 
     @property
     def total(self) -> int:
@@ -68,6 +70,11 @@ class Tally:
         """Share of the answered intervals that cover; None without any."""
         return self.counts[COVERED] / self.answered if self.answered else None
 
+    @property
+    def narrow(self) -> bool:
+        """Whether the answered intervals cover too seldom, by more than chance explains."""
+        return self.answered > 0 and share_interval(self.counts[COVERED], self.answered, SURE)[1] < LEAST
+
     def fault(self, number: str, *, textbook: bool) -> str:
         """Return the fault of the interval, if it is beyond chance; empty otherwise."""
         # `textbook`: the values are normal, without lots and numerous, so that a warning is a false alarm.
@@ -77,9 +84,9 @@ class Tally:
         least_answered, _ = share_interval(self.answered, self.total, SURE)
         if least_answered <= 1 - LEAST:  # mostly warned of or withheld, so few readers are misled
             return ""
-        low, high = share_interval(self.counts[COVERED], self.answered, SURE)
-        if high < LEAST:
-            return "too narrow"
+        if self.narrow:
+            return "" if self.cautioned >= LEAST * self.total else "too narrow"
+        low, _ = share_interval(self.counts[COVERED], self.answered, SURE)
         return "too wide" if low > MOST and not CONSERVATIVE.match(number) else ""
 
 
@@ -88,7 +95,9 @@ def tallied(replications: Iterable[Iterable[Statement]]) -> dict[str, Tally]:
     tallies: dict[str, Tally] = {}
     for statements in replications:
         for statement in statements:
-            tallies.setdefault(statement.number, Tally()).counts[statement.outcome()] += 1
+            tally = tallies.setdefault(statement.number, Tally())
+            tally.counts[statement.outcome()] += 1
+            tally.cautioned += statement.cautioned
     return tallies
 
 
@@ -96,7 +105,9 @@ def tallied(replications: Iterable[Iterable[Statement]]) -> dict[str, Tally]:
 GROUPS = {
     "mean, sigma, Cp, Cpk, Cpl, Cpu, Cc, Cpm, Cpmk": r"mean|sigma|Cp|Cpk|Cpl|Cpu|Cc|Cpm\*?|Cpmk",
     "joint Cpk": "Cpk, joint",
-    "certain verdicts": "certain verdict, [a-z]+( capable)?",
+    "certain verdicts, index 0.90": "certain verdict, not capable",
+    "certain verdicts, index 1.20": "certain verdict, marginal",
+    "certain verdicts, index 1.67": "certain verdict, capable",
     "certain verdicts, in turn": "certain verdict, in turn",
     "Z.bench, ppm expected": "Z.bench|ppm expected, normal",
     "Cp within lots": "Cp within lots",
@@ -108,6 +119,7 @@ GROUPS = {
     "tolerance intervals, normal": "contains .*, normal, .*",
     "tolerance intervals, any distribution": "contains .*, any, .*",
     "first-order indices": "first order, .*",
+    "share of interactions": "interactions",
     "parts of the rejects": "part of the rejects, .*",
     "what if: mean, sigma, Cpk": "what if .*: (mean|sigma|Cpk)",
     "what if: ppm": "what if .*: ppm",
@@ -126,14 +138,22 @@ TEXTBOOK, CAUTIONED = ("normal", 500), ("Z.bench", "ppm expected, normal")
 SOME, NEARLY_ALL = 0.05, 0.92
 
 
-def table(tallies: dict[Key, Tally], productions: Sequence[Production]) -> Iterator[str]:
-    """Yield a table with a row for each group of numbers and a column for each production, its sizes side by side."""
+def table(
+    tallies: dict[Key, Tally],
+    productions: Sequence[Production],
+    groups: Sequence[str] = tuple(GROUPS),
+    *,
+    tall: bool = False,
+) -> Iterator[str]:
+    """Yield a table with a row for each group of numbers and a column for each production, its sizes side by side.
+
+    A tall one has a row for each production.
+    """
     names = [production.name for production in productions]
     sizes = sorted({n for _, production, n in tallies if production in names})
-    yield f"| intervals of | {' | '.join(names)} |"
-    yield f"| --- |{' --- |' * len(names)}"
-    for group, pattern in GROUPS.items():
-        numbers = [number for number in dict.fromkeys(key[0] for key in tallies) if re.fullmatch(pattern, number)]
+    rows = []
+    for group in groups:
+        numbers = [number for number in dict.fromkeys(key[0] for key in tallies) if re.fullmatch(GROUPS[group], number)]
         cells = []
         for name in names:
             of_sizes = [
@@ -141,7 +161,14 @@ def table(tallies: dict[Key, Tally], productions: Sequence[Production]) -> Itera
             ]
             cells.append(" / ".join(cell(found) for found in of_sizes if found))
         if any(cells):
-            yield f"| {group} | {' | '.join(cells)} |"
+            rows.append((group, *cells))
+    lines = [("intervals of", *names), *rows]
+    if tall:
+        lines = [line for line in zip(*lines, strict=True) if any(line[1:])]
+    for k, line in enumerate(lines):
+        yield f"| {' | '.join(line)} |"
+        if not k:
+            yield f"| --- |{' --- |' * (len(line) - 1)}"
 
 
 def cell(found: dict[Key, Tally]) -> str:
@@ -157,6 +184,7 @@ def cell(found: dict[Key, Tally]) -> str:
         low, high = min(coverages, key=int), max(coverages, key=int)
         without = max(1 - tally.answered / tally.total for tally in stated)
         text = (low if low == high else f"{low}–{high}") + (f" w{100 * without:.0f}" if without >= SOME else "")
+        text += " c" if any(tally.narrow and tally.cautioned >= LEAST * tally.total for tally in stated) else ""
     return f"**{text}**" if faults(found) else text
 
 

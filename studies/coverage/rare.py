@@ -4,8 +4,8 @@
 aim by the rows before.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from scipy.integrate import quad
@@ -15,25 +15,16 @@ from scipy.stats import chi2, norm
 
 from campaign.inputs.sampling.importance import Component, Proposal, aimed, drawn_from, log_weights, moved
 from reporting import Design
-from reporting.arrays import Array
 from reporting.rare.aim import Aim, aims, find_targets
 from reporting.rare.rare_rejects import LEAST, Draws, rare_rejects, rare_share
 from reporting.spec import ProposalPart
 from studies.coverage.outcomes import Statement
-from studies.coverage.productions import CONFIDENCE, SHARES, VARIABLES, Production, request, samples_of, truth
+from studies.coverage.productions import CONFIDENCE, SHARES, VARIABLES, Production, request, samples_of
+from studies.coverage.reliability import PROBLEMS, LimitState, limit_state
+from studies.coverage.shapes import truth
 
 PLAIN, FIRST = 2000, 3000  # runs of the plain campaign, and of the first that aims
 WRITTEN = 0.999  # of the components' shares: rounding must not take from the plain runs
-
-
-@dataclass(frozen=True)
-class LimitState:
-    """A response of standard scores, shape (n, d), and the limit beyond which a known share lies."""
-
-    dimensions: int
-    share: float
-    response: Callable[[Array], Array]
-    limit: float
 
 
 def flat(dimensions: int, share: float) -> LimitState:
@@ -70,11 +61,12 @@ STATES = {
     "curved, 50": curved(50, 0.1, 3e-4),
 }
 DESIGNED = tuple(Production(name, "normal") for name in STATES)
+LITERATURE = tuple(Production(name, "normal") for name in PROBLEMS)
 
 
 def designed_shares(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
     """Yield the interval of the last campaign, of n runs; a share of which only a bound is told counts as warned of."""
-    state = STATES[production.name]
+    state = STATES.get(production.name) or limit_state(production.name)
     names = [f"x{i}" for i in range(state.dimensions)]
     z, weights = rng.standard_normal((PLAIN, state.dimensions)), np.ones(PLAIN)
     for runs in (FIRST, n):

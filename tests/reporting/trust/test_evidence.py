@@ -61,7 +61,9 @@ def test_failures_are_bad_where_they_leave_no_verdict(failed: int, level: str) -
 def test_rows_that_drift_are_told_and_those_of_a_campaign_have_no_order() -> None:
     """A table of measured parts is in the order in which they were made; samples that clearcap draws have none."""
     table, spec = c60_table(300), c60_spec(300)
-    assert line(analysis_of(table, spec), "Order of the rows").level == "good"
+    calm = line(analysis_of(table, spec), "Order of the rows")
+    assert calm.level == "good"
+    assert "300 values show a correlation of neighbours surely only above" in calm.text
     place = table.schema.get_field_index("FC-2")
     rising = table.set_column(place, table.schema.field(place), pa.array(np.sort(table["FC-2"].to_numpy())))
     found = analysis_of(rising, spec)

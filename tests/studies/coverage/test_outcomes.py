@@ -53,6 +53,14 @@ def test_a_warning_of_what_holds_is_a_fault():
     assert Tally(Counter({WITHHELD: 1000})).fault("tail, above", textbook=True) == ""
 
 
+def test_a_caution_excuses_a_narrow_interval_only_if_every_page_has_it():
+    short = Counter({COVERED: 700, LOW: 300})
+    assert Tally(short, cautioned=1000).fault("Cpk", textbook=False) == ""
+    assert Tally(short, cautioned=900).fault("Cpk", textbook=False) == "too narrow"
+    statements = [Statement("Cpk", (0.0, 2.0), 1.0, cautioned=True), Statement("Cpk", (0.0, 2.0), 1.0)]
+    assert tallied([statements])["Cpk"].cautioned == 1
+
+
 def test_tallies_by_number():
     statements = [Statement("Cp", (0.0, 2.0), 1.0), Statement("Cpk", None, 1.0)]
     found = tallied([statements, statements[:1]])

@@ -24,6 +24,23 @@ def test_a_cell_has_the_range_of_its_numbers():
     assert cell({("Cp", "normal", 500): HALF}) == "**94 w50**"
 
 
+def test_a_cell_says_where_the_page_cautions():
+    """Of intervals that hold too seldom; where they hold it need not be said."""
+    cautioned = Tally(SHORT.counts, cautioned=1000)
+    assert cell({("Cpk", "t3", 5000): cautioned}) == "70 c"
+    assert cell({("Cpk", "t3", 5000): Tally(HOLDS.counts, cautioned=1000)}) == "95"
+
+
+def test_a_tall_table_has_a_row_for_each_production_with_a_number():
+    text = list(table({("Cpk", "t5", 50): HOLDS, ("Cpk", "gamma", 50): SHORT}, SHAPES, tall=True))
+    assert text == [
+        "| intervals of | mean, sigma, Cp, Cpk, Cpl, Cpu, Cc, Cpm, Cpmk |",
+        "| --- | --- |",
+        "| gamma | **70** |",
+        "| t5 | 95 |",
+    ]
+
+
 def test_a_column_has_its_sizes_side_by_side():
     tallies = {("Cpk", "t5", 50): HOLDS, ("Cpk", "t5", 500): SHORT, ("tail, above", "t5", 50): SILENT}
     text = list(table(tallies, SHAPES))
