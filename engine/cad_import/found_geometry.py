@@ -30,6 +30,10 @@ from engine.cad_import.proposed_groups import PartGroup, proposed_groups, usable
 
 _NOTHING = 1e-9  # mm, of rounding
 _LONGEST = 40  # letters in a body's name
+_SOUND = re.compile(
+    r"(?:HIRAGANA LETTER|KATAKANA LETTER|HANGUL SYLLABLE|GREEK (?:SMALL|CAPITAL) LETTER) (?:SMALL )?([A-Z]+)"
+)
+_LONG_VOWEL = "KATAKANA-HIRAGANA PROLONGED SOUND MARK"
 _LETTERS = str.maketrans(
     {
         "\N{LATIN SMALL LETTER SHARP S}": "ss",
@@ -285,11 +289,19 @@ def _names(texts: list[str], otherwise: str, longest: int | None = None) -> list
     """Return a unique name for the mechanism file for each text, truncated after some letters."""
     names: list[str] = []
     for text in texts:
-        plain = text.translate(_LETTERS)
-        plain = unicodedata.normalize("NFKD", plain)  # decomposes an umlaut into its letter and two dots
-        plain = "".join(c for c in plain if not unicodedata.combining(c))
+        plain = "".join(map(_latin, unicodedata.normalize("NFKC", text.translate(_LETTERS))))
         stem = re.sub(r"[^A-Za-z0-9_]+", "-", plain).strip("-_")[:longest].strip("-_") or otherwise
         stem = stem if stem[0].isalpha() else f"{otherwise}-{stem}"
         numbered = (f"{stem}-{number}" if number > 1 else stem for number in range(1, len(texts) + 1))
         names.append(next(name for name in numbered if name not in names))
     return names
+
+
+def _latin(character: str) -> str:
+    """Return a character in letters of ASCII if it is an accented one, or one of Japanese, Korean or Greek sound."""
+    plain = "".join(c for c in unicodedata.normalize("NFKD", character) if not unicodedata.combining(c))
+    if plain.isascii():  # an umlaut is its letter and two dots
+        return plain
+    name = unicodedata.name(character, "")  # such as KATAKANA LETTER BA, HANGUL SYLLABLE BANG
+    sound = _SOUND.fullmatch(name)
+    return sound[1].lower() if sound else "" if name == _LONG_VOWEL else character

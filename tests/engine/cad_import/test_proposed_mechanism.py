@@ -207,3 +207,20 @@ def test_questions_are_lines():
     assert questions_of_file("c60") == []
     assert questions_of_file("none.toml") == []
     assert questions_of_file("\0") == []
+
+
+def test_names_in_other_letters(latch):
+    """Body names are ASCII: letters of kana, Hangul and Greek become their sounds; what has none is numbered."""
+    texts = {
+        "\u30ec\u30d0\u30fc": "reba",  # katakana, with a long vowel
+        "\uff8c\uff9a\uff70\uff91": "huremu",  # the same of half width
+        "\u304c\u30fc\u3069 2": "gado-2",  # hiragana with voiced marks
+        "\uae30\uc5b4": "gieo",
+        "\u03b1-Blech": "alpha-Blech",
+        "Geh\u00e4use (24)-2": "Gehause-24-2",
+        "\u722a": "part",
+        "\u53f0\u5ea7": "part-2",
+    }
+    parts = tuple(replace(latch.assembly.parts[0], name=text) for text in texts)
+    meshes = tuple(replace(latch.assembly.meshes[0], part=text) for text in texts)
+    assert all_but(latch, parts=parts, meshes=meshes, faces=(), edges=(), limits=(), zones=()).bodies == texts
