@@ -28,7 +28,7 @@ def plays(mechanism: Mechanism, body_poses: dict[str, Pose], view: View) -> Iter
     for name, joint in mechanism.joints.items():
         clearance = joint.play("ring1") if joint.CLEARANCE and not joint.ideal else None
         stations = _stations(joint)
-        if not clearance or not len(stations):
+        if clearance is None or clearance <= 0.0 or not len(stations):
             continue
         outer, inner = joint.sides
         centre = body_poses[inner.body].world(np.array([inner.place]))

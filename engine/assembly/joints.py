@@ -31,6 +31,10 @@ HELD = {
     "beam": ("", ""),
 }
 
+# A pin in an elastic ring is pressed by so many springs around it. From three on their stiffness is the same in all
+# directions, and the sum of their forces that of the pressure all round; more limit a pin with play more like a circle.
+PADS = 8
+
 MOST_SHAPES = 1000  # kept in memory
 FaceWithPlay = tuple[int, str, str, float]  # number of a contact, its joint, the joint's face, stretch of its body
 _shapes: dict[Any, Any] = {}
@@ -77,11 +81,20 @@ def joint_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) ->
                 geometry_a=geometry_a,
                 geometry_b=geometry_b,
                 clearance=_drawn_gap(joint, place, face),
-                law=law,
+                law=(law[0], 0.0) if _ring_spring(joint, face)[0] else law,
                 play=(name, face),
+                spring=_ring_spring(joint, face),
                 sticking=mechanism.static_friction(joint),
                 table=f"joints.{name}",
             )
+
+
+def _ring_spring(joint: Any, face: str) -> tuple[float, float]:
+    """Return stiffness and damping of one of the springs around the pin in an elastic ring; 0: a rigid face."""
+    stiffness = getattr(joint, "ring_stiffness", None)
+    if stiffness is None or not face.startswith("ring"):
+        return 0.0, 0.0
+    return 2.0 * stiffness / PADS, 2.0 * (joint.ring_damping or 0.0) / PADS
 
 
 def _drawn_gap(joint: Any, place: Mate, face: str) -> float:
@@ -97,6 +110,8 @@ def _drawn_gap(joint: Any, place: Mate, face: str) -> float:
     radius = joint.radii[ring_of(face)] if shaft is None else shaft.radius
     added = [place.a.scale * lobes.offset for lobes in _lobes(joint)[:1] if lobes is not None]
     added += [place.b.scale * lobes.offset for lobes in _lobes(joint)[1:] if lobes is not None]
+    if getattr(joint, "ring_stiffness", None) is not None:
+        added.append(place.a.scale * min(joint.radii))
     return float(radius * (place.a.scale - place.b.scale) + sum(added))
 
 
@@ -197,8 +212,15 @@ def _rings(joint: Any, place: Mate, stations: tuple[float, ...], radii: tuple[fl
 
 
 def _centres(joint: Any, side: int, frame: BodyFrame) -> list[Array | None]:
-    """Return the vectors from the axis to the narrowest places of a bore or the tips of a pin; None: a round one."""
+    """Return the vectors from the axis to the narrowest places of a bore or the tips of a pin; None: a round one.
+
+    An elastic bore has one for each of its springs.
+    """
     lobes, line = _lobes(joint)[side], joint.sides[side]
+    if side == 0 and getattr(joint, "ring_stiffness", None) is not None:
+        # each spring is a ring about a centre far off the axis, on which the direction of its force is certain
+        angles = 2.0 * np.pi * np.arange(PADS) / PADS
+        return [frame.scale * min(joint.radii) * frame.rotation @ np.array(line.across(angle)) for angle in angles]
     if lobes is None:
         return [None]
     return [frame.scale * lobes.offset * frame.rotation @ np.array(line.across(angle)) for angle in lobes.angles]

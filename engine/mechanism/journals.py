@@ -11,6 +11,7 @@ from engine.mechanism.base import (
     NonNegative,
     OptionalLength,
     PositiveLength,
+    PositiveNumber,
     Radian,
     TableModel,
     added,
@@ -140,8 +141,14 @@ class JournalJoint(Joint):
         "the stations of the bearing's rings along its axis, one or more numbers"
     )
     radial_clearance: Annotated[Length | None, Quantity("length")] = optional(
-        "bore radius minus journal radius, the same at every ring, a number > 0",
-        json_schema_extra={"exclusiveMinimum": 0},
+        "bore radius minus journal radius, the same at every ring, a number > 0; with a ring_stiffness it may be "
+        "negative, the interference of a press fit"
+    )
+    ring_stiffness: Annotated[PositiveNumber | None, Quantity("stiffness")] = added(
+        "the radial force per displacement of a pin that a ring presses all round, a number > 0; default: rigid"
+    )
+    ring_damping: Annotated[NonNegative | None, Quantity("damping")] = added(
+        "what that force has more per speed, a number >= 0"
     )
     radial_clearance_limit: OptionalLength = optional("the largest clearance the bore as drawn allows")
     taper: Annotated[tuple[float, ...] | None, unless_none(_numbers), Quantity("length")] = added(
@@ -167,6 +174,11 @@ class JournalJoint(Joint):
         """The largest radial clearance that may be set [length]."""
         limit = self.radial_clearance_limit
         return min(self.radii) if limit is None else limit
+
+    @property
+    def least_clearance(self) -> float:
+        """The radial clearance above which all are allowed [length]; negative is an interference."""
+        return 0.0 if self.ring_stiffness is None else -min(self.radii)
 
     @property
     def _by_diameters(self) -> bool:
@@ -215,7 +227,20 @@ class JournalJoint(Joint):
         if self.journal.lobes is not None and not self.journal.lobes.offset < min(self.radii):
             text = f"more than the pin has; allowed: {self.journal.lobes.number} lobes of a small part of its radius"
             raise refuse(text, key="journal.lobes.height", value=self.journal.lobes.height)
+        self._check_springs()
         self._check_clearances()
+
+    def _check_springs(self) -> None:
+        """Refuse a damping of rigid rings, and elastic rings that are not round."""
+        if self.ring_stiffness is None:
+            if self.ring_damping is not None:
+                text = "a rigid ring has no damping of its own; allowed: with a ring_stiffness; give one, or remove it"
+                raise refuse(text, key="ring_damping", value=self.ring_damping)
+            return
+        for side in ("bearing", "journal"):
+            if getattr(self, side).lobes is not None:
+                text = "elastic rings are round; allowed: without ring_stiffness; remove one of the two"
+                raise refuse(text, key=f"{side}.lobes")
 
     def _check_clearances(self) -> None:
         """Refuse the clearances at the rings that there cannot be."""
@@ -224,13 +249,16 @@ class JournalJoint(Joint):
             self._check_clearance(self.play(f"ring{i + 1}"), limit)
 
     def _check_clearance(self, clearance: float, limit: float) -> None:
-        """Refuse a clearance at a ring above a limit, or one that is none."""
-        if not 0 < clearance <= limit:
+        """Refuse a clearance at a ring above a limit, or one that is none at a rigid ring."""
+        least = self.least_clearance
+        if not least < clearance <= limit:
             what = "no play" if clearance <= 0 else "more than the bore as drawn allows"
             key = self.face_clearance("ring1")
+            remedy = "choose a clearance in between, or give another radial_clearance_limit"
+            if clearance <= 0 and self.ring_stiffness is None:
+                remedy = "choose a clearance in between, or give a ring_stiffness if the pin is pressed in"
             raise refuse(
-                f"{what}; allowed: 0 < {self._in_words} <= {limit:g}; "
-                "choose a clearance in between, or give another radial_clearance_limit",
+                f"{what}; allowed: {least:g} < {self._in_words} <= {limit:g}; {remedy}",
                 key=key,
                 value=self.bearing.diameter if self._by_diameters else clearance,
             )

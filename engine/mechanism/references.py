@@ -57,6 +57,9 @@ def _springs_without_projection(data: Mapping[str, Any]) -> Iterator[Fault]:
         if entry.get("type") in ("bushing", "beam"):
             text = "the scheme moreau_jean has rigid joints only; allowed: fixed; make it one, or remove the scheme"
             yield Fault(("joints", name, "type"), text, entry["type"])
+        if entry.get("ring_stiffness") is not None:
+            text = "the scheme moreau_jean has rigid rings only; allowed: none; remove it, or the scheme"
+            yield Fault(("joints", name, "ring_stiffness"), text, entry["ring_stiffness"])
     pairs = [("materials", name, entry) for name, entry in named_tables(data, "materials").items()]
     for table, name, entry in (*contacts, *pairs):
         for word in ("rolling_friction", "spinning_friction"):

@@ -344,7 +344,7 @@ def _number(mechanism: Mechanism, key: str, place: Place, short: str, used: dict
     described = place.field.description if place.field else ""
     found = limits(place.field)
     if isinstance(place.owner, JournalJoint) and key.endswith(".radial_clearance"):
-        found = {"gt": 0.0, "le": place.owner.clearance_limit}
+        found = {"gt": place.owner.least_clearance, "le": place.owner.clearance_limit}
     return SettableNumber(
         key=key,
         value=place.value,
