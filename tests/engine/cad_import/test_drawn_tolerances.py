@@ -4,9 +4,11 @@ import re
 import tomllib
 
 import pytest
+from typer.testing import CliRunner
 
 from campaign.inputs.sampling import draw
 from campaign.spec.campaign_file import CampaignSpec, proposed_campaign
+from clearcap.cli import app
 from engine import load_mechanism
 from engine.cad import read_step
 from engine.cad_import.drawn_tolerances import all_diameters, all_zones, unused_tolerances
@@ -82,3 +84,49 @@ def test_what_is_not_used_is_said(tmp_path):
         assert unused_tolerances(found)[: len(unused)] == unused
     text, _ = proposed(tmp_path, lever("H7", "p6"))
     assert "The CAD file has hole 12 H7 and pin 12 p6." in text
+
+
+def imported(*words):
+    """Return what the import prints."""
+    done = CliRunner().invoke(app, ["mechanism", "import", *map(str, words)])
+    assert done.exit_code == 0, done.exception
+    return done.stdout
+
+
+def test_a_new_revision(tmp_path):
+    """Classes and zones follow it where they are as proposed; what a person wrote stays, and what changed is said."""
+    path, campaign = tmp_path / "lever.toml", tmp_path / "lever-campaign.toml"
+    position = {"width": 0.1, "maximum_material": True}
+    imported(lever(**position).write(tmp_path / "a.step"), "-o", path, "--no-pictures")
+    text = campaign.read_text().replace('"12 H7"\ncpk = 1.33', '"12 H7"\ncpk = 1.67').replace('"12 g6"', '"12 h6"')
+    campaign.write_text(text.replace("zone = 0.004", "zone = 0.003") + "\n[responses.z]\nusl = 1.0\n")
+    path.write_text(path.read_text().replace("friction = 0.0", "friction = 0.15"))
+    position["width"] = 0.2
+    said = imported(lever("H8", "f7", **position).write(tmp_path / "b.step"), "--update", path)
+    for line in (
+        '-dimension = "12 H7"',
+        '+dimension = "12 H8"',
+        "-base_lever_hole = 12.009 ",
+        "-base_lever_pin = 11.9885 ",
+    ):
+        assert f"\n{line}" in said
+    assert 'variables.base_lever_pin.dimension: proposed is now "12 f7", and was "12 g6"' in said
+    variables = tomllib.loads(campaign.read_text())["variables"]
+    assert (variables["base_lever_hole"]["dimension"], variables["base_lever_hole"]["cpk"]) == ("12 H8", 1.67)
+    assert variables["base_lever_pin"]["dimension"] == "12 h6"
+    assert variables["base_lever_hole_tilt"]["zone"] == 0.003
+    assert tomllib.loads(campaign.read_text())["responses"] == {"z": {"usl": 1.0}}
+    tables = tomllib.loads(path.read_text())
+    assert tables["parameters"]["base_lever_hole"] == pytest.approx(12.0135)
+    assert tables["materials"]["contact"]["friction"] == 0.15
+    off = tables["joints"]["base-lever"]["bearing"]["deviation"]["off"]
+    assert off == "base_lever_hole_share * (0.2 + base_lever_hole - 12) / 2"
+    # without (M) the share is gone; then there is a distance to vary, and without the zones nothing of them
+    said = imported(lever("H8", "f7", width=0.2).write(tmp_path / "c.step"), "--update", path)
+    assert "no longer in the STEP file: [variables.base_lever_hole_share]; remove it" in said
+    assert tomllib.loads(campaign.read_text())["variables"]["base_lever_hole_off"]["zone"] == 0.2
+    said = imported(lever("H8", "f7").write(tmp_path / "d.step"), "--update", path)
+    gone = ("off", "way", "tilt", "tilt_way")
+    assert all(f"no longer in the STEP file: [variables.base_lever_hole_{each}]" in said for each in gone)
+    assert "deviation" not in tomllib.loads(path.read_text())["joints"]["base-lever"]["bearing"]
+    assert tomllib.loads(campaign.read_text())["variables"]["base_lever_hole_tilt"]["zone"] == 0.003
