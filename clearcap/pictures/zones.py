@@ -5,7 +5,6 @@ They are hundredths of a millimetre, so that each is drawn with one size on the 
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -24,7 +23,7 @@ END_ON = 0.5  # of the length of an axis seen in the drawing: below it, its zone
 
 @dataclass(frozen=True)
 class OffDrawing:
-    """A side of a joint that is, or may be, off its drawing."""
+    """A side of a joint, or a gear, that is, or may be, off its drawing."""
 
     name: str
     point: Array  # as drawn, in the world (3,)
@@ -35,17 +34,18 @@ class OffDrawing:
 
 
 def off_drawing(mechanism: Mechanism) -> Iterator[OffDrawing]:
-    """Yield the sides of joints that are off their drawing, in the order of the file."""
-    for name, joint in mechanism.joints.items():
-        for key in joint.SIDES:
-            side: Any = getattr(joint, key)
-            deviation, form = getattr(side, "deviation", None), getattr(side, "lobes", None)
-            off, tilt = (deviation.off, deviation.tilt) if deviation is not None else (0.0, 0.0)
-            lobes = (form.number, form.height) if form is not None else (0, 0.0)
-            if off or tilt or lobes[1]:
-                turn = start_rotation(mechanism, side.body)
-                point = mechanism.bodies[side.body].origin + turn @ np.array(side.point)
-                yield OffDrawing(f"{name} {key}", point, turn @ np.array(side.axis), abs(off), abs(tilt), lobes)
+    """Yield the sides of joints, then the gears, that are off their drawing, in the order of the file."""
+    sides = [(f"{name} {key}", getattr(joint, key)) for name, joint in mechanism.joints.items() for key in joint.SIDES]
+    for name, pair in mechanism.couplings.items():
+        sides += [(f"{name} gear {i}", gear) for i, gear in enumerate(getattr(pair, "gears", ()), 1)]
+    for name, side in sides:
+        deviation, form = getattr(side, "deviation", None), getattr(side, "lobes", None)
+        off, tilt = (deviation.off, deviation.tilt) if deviation is not None else (0.0, 0.0)
+        lobes = (form.number, form.height) if form is not None else (0, 0.0)
+        if off or tilt or lobes[1]:
+            turn = start_rotation(mechanism, side.body)
+            point = mechanism.bodies[side.body].origin + turn @ np.array(side.point)
+            yield OffDrawing(name, point, turn @ np.array(side.axis), abs(off), abs(tilt), lobes)
 
 
 def draw_zones(drawing: SketchCanvas, mechanism: Mechanism, *, varied: bool) -> list[LegendEntry]:

@@ -17,6 +17,8 @@ from clearcap.pictures.zones import LONG, WIDE
 from clearcap.questions.report import widest
 from engine.mechanism import mechanism_from
 from tests.clearcap.pictures.test_sketch import boxes
+from tests.engine.small import made
+from tests.engine.test_gears import pair
 
 LATCH = Path(__file__).parents[3] / "docs/examples/drawn_latch.toml"
 
@@ -68,6 +70,19 @@ def test_from_the_side(monkeypatch):
     (first, second) = (np.diff(line, axis=0)[0] for line in wedge)
     cosine = first @ second / np.linalg.norm(first) / np.linalg.norm(second)
     assert np.arccos(cosine) == pytest.approx(2 * 0.3, abs=0.01)
+
+
+def test_a_gear_that_runs_out():
+    """It has a zone where its axis is drawn."""
+    data = pair()
+    data["couplings"]["mesh"]["gears"][1]["deviation"] = {"off": 2e-4, "way": 0.3}
+    sketch = sketch_mechanism(made(pair()), made(data))
+    legend = {each.name: each.title for each in sketch.legend}
+    assert legend["mesh gear 2"] == "position zone 0.0004 m"
+    assert "mesh gear 1" not in legend
+    data["couplings"]["mesh"]["gears"][0]["deviation"] = {"off": 1e-4}
+    pinion, wheel = (line.mean(axis=0) for line in dashed(sketch_mechanism(made(data))))
+    assert np.linalg.norm(wheel - pinion) > 4 * WIDE  # each where it is
 
 
 def test_without_zones_nothing_is_added():
