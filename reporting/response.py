@@ -1,7 +1,7 @@
 """One response: its limits, its numbers and the verdict."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -137,6 +137,10 @@ def analyse_response(
     tested = sum(r.lsl is not None or r.usl is not None for r in request.responses)
     normal = not departs(shape, tested, PROVEN_P)
     worth = x.size if numbers.lots is None else numbers.lots.effective
+    unseen = second_population(x, spec.lsl, spec.usl, worth) if limited and x.size else None
+    if unseen is not None and unseen.ppm and numbers.lots is None:
+        # Said of every sample, because those that have no value of a second population need it most.
+        fits = replace(fits, notes=(*fits.notes, f"{unseen.words}."))
     others = (*index_estimates(numbers.n, fits, methods, tails), *further)
     return ResponseAnalysis(
         spec=spec,
@@ -149,7 +153,7 @@ def analyse_response(
             normal=normal,
             withheld=withheld or why_no_value(samples, numbers.n, request.min_ok),
             bars=bars_of(spec.requirement, spec.index),
-            unseen=second_population(x, spec.lsl, spec.usl, worth) if limited and x.size else None,
+            unseen=unseen,
         ),
         capability=numbers,
         target_indices=target_indices(x, spec.lsl, spec.usl, spec.target, confidence, lots),

@@ -69,6 +69,7 @@ FIRST = 50  # values that are judged first, if they are drawn in turn
 CLASSES = ("not capable", "marginal", "capable")
 SECOND = "second"
 CONTENTS = (0.95, 0.9973)
+UNSEEN = "a second population"  # that the values may miss
 OF_SHAPE = re.compile("Z.bench|ppm|.*fitted|tail")
 _WEIGHTS = np.sqrt(SHARES)
 # The second response uses the variables of the first one in another order.
@@ -137,16 +138,17 @@ def _of_page(found: Analysis, production: Production, true: Truth) -> Iterator[S
     yield Statement("Z.bench", c.z_bench_interval, float(norm.isf(1e-6 * true.ppm)), misleading)
     yield Statement("ppm expected, normal", c.ppm_expected_interval, true.ppm, misleading)
     of_method = {m.method: m for m in analysed.methods}
+    unseen = any(UNSEEN in note for note in analysed.fits.notes)
     for name, word in (
         ("percentile", "percentiles, fitted"),
         ("z_score", "Z-scores, fitted"),
         ("empirical", "empirical"),
     ):
-        yield from _of_method(word, of_method.get(name), true, warned=warned)
+        yield from _of_method(word, of_method.get(name), true, warned=warned, cautioned=unseen)
     tails = {tail.side: tail for tail in analysed.tails}
     for side, value in (("below", true.below), ("above", true.above)):
         tail = tails[side]
-        yield Statement(f"tail, {side}", tail.interval, value, warned)
+        yield Statement(f"tail, {side}", tail.interval, value, warned, unseen)
     yield Statement(
         "distance from normal", analysed.normality.distance_interval, distance_from_normal(production.shape)
     )
@@ -154,7 +156,9 @@ def _of_page(found: Analysis, production: Production, true: Truth) -> Iterator[S
     yield Statement("yield, at least", (analysed.yield_.lower, INFINITE), 1 - 1e-6 * true.ppm, warned)
 
 
-def _of_method(word: str, m: NonnormalIndices | None, true: Truth, *, warned: bool) -> Iterator[Statement]:
+def _of_method(
+    word: str, m: NonnormalIndices | None, true: Truth, *, warned: bool, cautioned: bool
+) -> Iterator[Statement]:
     """Yield the intervals of one method."""
     if word.startswith("Z"):
         ppl, ppu = (float(norm.isf(1e-6 * ppm)) / 3 for ppm in (true.below, true.above))
@@ -164,10 +168,13 @@ def _of_method(word: str, m: NonnormalIndices | None, true: Truth, *, warned: bo
         ppu = (true.usl - true.median) / (true.high - true.median)
         pp = (true.usl - true.lsl) / (true.high - true.low)
     caution = warned or (m is not None and any("too large" in note for note in m.notes))
-    yield Statement(f"Pp, {word}", with_ends(m.pp_interval) if m and m.pp_interval else None, pp, caution)
-    yield Statement(f"Ppk, {word}", with_ends(m.ppk_interval) if m and m.ppk_interval else None, min(ppl, ppu), caution)
+    for number, interval, value in (
+        (f"Pp, {word}", m.pp_interval if m else None, pp),
+        (f"Ppk, {word}", m.ppk_interval if m else None, min(ppl, ppu)),
+    ):
+        yield Statement(number, with_ends(interval) if interval else None, value, caution, cautioned)
     if word.startswith("Z"):
-        yield Statement("ppm, fitted", m.ppm_expected_interval if m else None, true.ppm, caution)
+        yield Statement("ppm, fitted", m.ppm_expected_interval if m else None, true.ppm, caution, cautioned)
 
 
 def verdicts(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
@@ -229,7 +236,8 @@ def _of_claims(found: ToleranceIntervals, production: Production) -> Iterator[St
             )
             for side, share in shares:
                 claimed = None if share is None else (claim.content, 1.0)
-                yield Statement(f"contains {claim.content}, {kind}, {side}", claimed, share or 0.0)
+                unseen = kind == "normal" and UNSEEN in found.note
+                yield Statement(f"contains {claim.content}, {kind}, {side}", claimed, share or 0.0, cautioned=unseen)
 
 
 def products(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:

@@ -53,7 +53,7 @@ class Tally:
     """How often each outcome occurred for one number in one case."""
 
     counts: Counter[str] = field(default_factory=Counter)
-    cautioned: int = 0  # intervals with a caution
+    cautioned: int = 0  # answered intervals with a caution
 
     @property
     def total(self) -> int:
@@ -75,6 +75,11 @@ class Tally:
         """Whether the answered intervals cover too seldom, by more than chance explains."""
         return self.answered > 0 and share_interval(self.counts[COVERED], self.answered, SURE)[1] < LEAST
 
+    @property
+    def excused(self) -> bool:
+        """Whether nearly every page with the interval says what the values may not show."""
+        return self.cautioned >= LEAST * self.answered
+
     def fault(self, number: str, *, textbook: bool) -> str:
         """Return the fault of the interval, if it is beyond chance; empty otherwise."""
         # `textbook`: the values are normal, without lots and numerous, so that a warning is a false alarm.
@@ -85,7 +90,7 @@ class Tally:
         if least_answered <= 1 - LEAST:  # mostly warned of or withheld, so few readers are misled
             return ""
         if self.narrow:
-            return "" if self.cautioned >= LEAST * self.total else "too narrow"
+            return "" if self.excused else "too narrow"
         low, _ = share_interval(self.counts[COVERED], self.answered, SURE)
         return "too wide" if low > MOST and not CONSERVATIVE.match(number) else ""
 
@@ -96,8 +101,9 @@ def tallied(replications: Iterable[Iterable[Statement]]) -> dict[str, Tally]:
     for statements in replications:
         for statement in statements:
             tally = tallies.setdefault(statement.number, Tally())
-            tally.counts[statement.outcome()] += 1
-            tally.cautioned += statement.cautioned
+            outcome = statement.outcome()
+            tally.counts[outcome] += 1
+            tally.cautioned += statement.cautioned and outcome not in (WARNED, WITHHELD)
     return tallies
 
 
@@ -162,7 +168,7 @@ def table(
             cells.append(" / ".join(cell(found) for found in of_sizes if found))
         if any(cells):
             rows.append((group, *cells))
-    lines = [("intervals of", *names), *rows]
+    lines = [("response" if tall else "intervals of", *names), *rows]
     if tall:
         lines = [line for line in zip(*lines, strict=True) if any(line[1:])]
     for k, line in enumerate(lines):
@@ -184,7 +190,7 @@ def cell(found: dict[Key, Tally]) -> str:
         low, high = min(coverages, key=int), max(coverages, key=int)
         without = max(1 - tally.answered / tally.total for tally in stated)
         text = (low if low == high else f"{low}–{high}") + (f" w{100 * without:.0f}" if without >= SOME else "")
-        text += " c" if any(tally.narrow and tally.cautioned >= LEAST * tally.total for tally in stated) else ""
+        text += " c" if any(tally.narrow and tally.excused for tally in stated) else ""
     return f"**{text}**" if faults(found) else text
 
 

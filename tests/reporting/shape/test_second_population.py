@@ -1,10 +1,14 @@
 """What few values cannot exclude: the share of a second population follows from the binomial distribution."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import norm
 
 from reporting.shape.estimates import LEAST, MOST, second_population
+from studies.coverage.productions import SHAPES, page
+from studies.coverage.shapes import truth
 
 
 def test_the_share_is_the_largest_that_the_values_leave_unseen_once_in_twenty() -> None:
@@ -31,3 +35,14 @@ def test_many_values_exclude_every_population_that_is_considered() -> None:
 def test_values_in_lots_exclude_less() -> None:
     x = np.random.default_rng(1).normal(size=2_000)
     assert second_population(x, -6.0, 6.0, 200.0).ppm > second_population(x, -6.0, 6.0, 2_000.0).ppm
+
+
+def test_the_page_says_what_is_not_ruled_out_whatever_the_values_look_like() -> None:
+    """The 0.3 % that are five times as wide are in one sample of 500 and not in the next; the limit is at 159 ppm."""
+    rng = np.random.default_rng(2)
+    for _ in range(4):
+        y = rng.normal(size=500) * np.where(rng.random(500) < 0.003, 5, 1)
+        (found,) = page(SHAPES[0], y, replace(truth("normal"), lsl=-8.08, usl=8.08)).responses
+        assert any("500 values do not rule out" in note for note in found.fits.notes)
+    (found,) = page(SHAPES[0], rng.normal(size=20_000), replace(truth("normal"), lsl=-6.0, usl=6.0)).responses
+    assert not any("do not rule out" in note for note in found.fits.notes)

@@ -23,7 +23,7 @@ def documented() -> dict[tuple[str, str], list[str]]:
     section = (ROOT / "studies" / "coverage.md").read_text("utf-8").split(HEADING)[1].split("\n## ")[0]
     cells, names = {}, []
     for line in section.splitlines():
-        if line.startswith("| intervals of |"):
+        if line.startswith(("| intervals of |", "| response |")):
             names = [cell.strip() for cell in line.strip("| ").split("|")][1:]
         elif line.startswith("| ") and not line.startswith("| ---"):
             first, *parts = (cell.strip() for cell in line.strip()[1:-1].split("|"))

@@ -34,7 +34,7 @@ def test_a_cell_says_where_the_page_cautions():
 def test_a_tall_table_has_a_row_for_each_production_with_a_number():
     text = list(table({("Cpk", "t5", 50): HOLDS, ("Cpk", "gamma", 50): SHORT}, SHAPES, tall=True))
     assert text == [
-        "| intervals of | mean, sigma, Cp, Cpk, Cpl, Cpu, Cc, Cpm, Cpmk |",
+        "| response | mean, sigma, Cp, Cpk, Cpl, Cpu, Cc, Cpm, Cpmk |",
         "| --- | --- |",
         "| gamma | **70** |",
         "| t5 | 95 |",
