@@ -4,7 +4,6 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from engine.equilibrium import (
     touching_gap,
 )
 from engine.kernels import time_loop
-from engine.kernels.model import Control
+from engine.kernels.model import Control, Scratch
 from engine.kernels.statics import MOVING, may_hold
 from engine.kernels.time_loop import Course, run_to_end
 from engine.loop import Cancel, control_of, drive, prepare
@@ -55,50 +54,50 @@ def execute(
 ) -> Run:
     """Run the time loop from an assembly at its start, and judge it; for ``sink`` and ``every`` see `drive`."""
     control = control_of(mechanism, full_horizon)
-    unmoved = control.drift / control.window  # speed below which a body counts as unmoved
     prepare(assembly, control)  # before the clock starts: the time it takes to compile is not that of the run
-
-    @lru_cache(maxsize=1)  # the last pose examined is the final one if the run comes to rest
-    def pose_at(phase: int, t: float, h: float) -> PoseAtRest:
-        return PoseAtRest(mechanism, assembly, phase, t, h)
-
-    def pose_of(course: Course) -> PoseAtRest:
-        instant = course.reals[[time_loop.TIME, time_loop.STEP]]
-        return pose_at(int(course.counts[time_loop.PHASE]), *map(float, instant))
-
-    ranges: dict[str, Range] = {}  # of forces read at rest, by response
-    choices: list[bool] = []  # whether rest was one of two solutions, where that was asked
-
-    @lru_cache(maxsize=1)
-    def flying_at(pose: PoseAtRest) -> Array:
-        return in_flight(assembly, pose.assembly, unmoved)
-
-    def add_ranges(pose: PoseAtRest, phase: int) -> None:
-        contacts = contacts_with_ranges(mechanism, phase, forces=indeterminacy)
-        found = pose.ranges(list(dict.fromkeys(contacts.values())))
-        ranges.update({name: found[contact] for name, contact in contacts.items() if contact in found})
-
-    def moves(course: Course) -> bool:
-        phase = int(course.counts[time_loop.PHASE])
-        pose = pose_of(course)
-        if phase == len(mechanism.phases) - 1:
-            return pose.moves or bool(flying_at(pose).any())
-        if not pose.moves:
-            pose.hand_over(assembly)
-            add_ranges(pose, phase)
-            choices.append(pose.ambiguous)
-        return pose.moves
-
-    def released(course: Course) -> None:
-        choices.append(stay_at_rest(assembly, control, course, touching_gap(mechanism)))
-
+    rest = _Rest(mechanism, assembly, control, indeterminacy)
     start = time.perf_counter()
-    course = drive(assembly, control, mechanism.simulation.wall_limit, cancel, sink, every, moves, released)
+    course = drive(assembly, control, mechanism.simulation.wall_limit, cancel, sink, every, rest.moves, rest.released)
+    certificate = _certificate(course, time.perf_counter() - start, assembly.travel)
+    counts, last = course.counts, mechanism.phases[-1]
+    until_rest = last.duration is None and last.until is None and not full_horizon
+    drift, work = "", assembly.work
+    if counts[time_loop.STATUS] == time_loop.OK and certificate.settled:
+        drift, work = rest.examine_end(course, until_rest)
+    measured = dict(zip(mechanism.responses, map(float, work.reported), strict=True))
+    measured = with_derived(mechanism, measured, rest.ranges)
+    if counts[time_loop.STATUS] == time_loop.OK:
+        if counts[time_loop.COMPLETED] or full_horizon:
+            status, message = judge(mechanism, measured, certificate.settled, drift, until_rest)
+        else:
+            left = mechanism.simulation.wall_limit - certificate.wall_s
+            motion = "" if certificate.settled else describe_motion(mechanism, assembly, control, course, left, cancel)
+            status, message = unfinished(mechanism, int(counts[time_loop.PHASE]), certificate.settled, motion)
+    else:
+        status, message = failure(mechanism, assembly, course)
+    responses = measured if status == "ok" else {}
+    open_ranges = {n: ends for n, ends in rest.ranges.items() if getattr(mechanism.responses[n], "bound", None) is None}
+    struck = [name for name, at_impact in zip(mechanism.responses, work.at_impact, strict=True) if at_impact]
+    return Run(
+        status,
+        message,
+        responses,
+        mechanism.response_units(),
+        certificate,
+        measured,
+        open_ranges,
+        at_impact=_with_what_follows(mechanism, struck),
+        ambiguous=any(rest.choices),
+    )
+
+
+def _certificate(course: Course, wall_s: float, travel: float) -> Certificate:
+    """Return what the time loop counted and found."""
     counts, reals = course.counts, course.reals
-    certificate = Certificate(
+    return Certificate(
         steps=int(counts[time_loop.STEPS]),
         time=float(reals[time_loop.TIME]),
-        wall_s=time.perf_counter() - start,
+        wall_s=wall_s,
         max_residual=float(reals[time_loop.MAX_RESIDUAL]),
         max_penetration=float(reals[time_loop.MAX_PENETRATION]),
         max_violation=float(reals[time_loop.MAX_VIOLATION]),
@@ -111,45 +110,67 @@ def execute(
         settled=bool(counts[time_loop.SETTLED]),
         iterations=int(counts[time_loop.ITERATIONS]),
         repeated=int(counts[time_loop.REPEATED]),
-        start_travel=assembly.travel,
+        start_travel=travel,
     )
-    last = mechanism.phases[-1]
-    until_rest = last.duration is None and last.until is None and not full_horizon
-    drift, work = "", assembly.work
-    if counts[time_loop.STATUS] == time_loop.OK and certificate.settled:
-        pose = pose_of(course)
-        choices.append(pose.ambiguous)
+
+
+class _Rest:
+    """What is found where a run comes to rest, at the end of each of its phases."""
+
+    def __init__(self, mechanism: Mechanism, assembly: Assembly, control: Control, indeterminacy: bool) -> None:
+        self.mechanism, self.assembly, self.control = mechanism, assembly, control
+        self.indeterminacy = indeterminacy  # whether all normal forces have ranges, not only those asked for
+        self.ranges: dict[str, Range] = {}  # of forces read at rest, by response
+        self.choices: list[bool] = []  # whether rest was one of two solutions, where that was asked
+        # the last pose examined is the final one if the run comes to rest
+        self._at: tuple[int, float, float] | None = None
+        self._pose: PoseAtRest | None = None
+        self._flying: Array | None = None
+
+    def moves(self, course: Course) -> bool:
+        """Return whether bodies move that the time loop counts as resting; if they do not, let the next phase begin."""
+        pose, phase = self._pose_of(course), int(course.counts[time_loop.PHASE])
+        if phase == len(self.mechanism.phases) - 1:
+            return pose.moves or bool(self._in_flight(pose).any())
+        if not pose.moves:
+            pose.hand_over(self.assembly)
+            self._add_ranges(pose, phase)
+            self.choices.append(pose.ambiguous)
+        return pose.moves
+
+    def released(self, course: Course) -> None:
+        """Let a phase that begins at rest stay so if its contacts can hold the new loads."""
+        self.choices.append(stay_at_rest(self.assembly, self.control, course, touching_gap(self.mechanism)))
+
+    def examine_end(self, course: Course, until_rest: bool) -> tuple[str, Scratch]:
+        """Return why a run that settled is not at rest, else "", and the arrays that its responses are read from."""
+        pose, drift = self._pose_of(course), ""
+        self.choices.append(pose.ambiguous)
         if pose.moves:
-            drift = unheld(mechanism, pose.assembly, control)
+            drift = unheld(self.mechanism, pose.assembly, self.control)
         elif until_rest:  # in a phase with a duration a part may fly off
-            drift = flight(mechanism, pose.assembly, control, flying_at(pose))
-        add_ranges(pose, len(mechanism.phases) - 1)
-        work = pose.assembly.work
-    measured = dict(zip(mechanism.responses, map(float, work.reported), strict=True))
-    measured = with_derived(mechanism, measured, ranges)
-    if counts[time_loop.STATUS] == time_loop.OK:
-        if counts[time_loop.COMPLETED] or full_horizon:
-            status, message = judge(mechanism, measured, certificate.settled, drift, until_rest)
-        else:
-            left = mechanism.simulation.wall_limit - certificate.wall_s
-            motion = "" if certificate.settled else describe_motion(mechanism, assembly, control, course, left, cancel)
-            status, message = unfinished(mechanism, int(counts[time_loop.PHASE]), certificate.settled, motion)
-    else:
-        status, message = failure(mechanism, assembly, course)
-    responses = measured if status == "ok" else {}
-    open_ranges = {n: ends for n, ends in ranges.items() if getattr(mechanism.responses[n], "bound", None) is None}
-    struck = [name for name, at_impact in zip(mechanism.responses, work.at_impact, strict=True) if at_impact]
-    return Run(
-        status,
-        message,
-        responses,
-        mechanism.response_units(),
-        certificate,
-        measured,
-        open_ranges,
-        at_impact=_with_what_follows(mechanism, struck),
-        ambiguous=any(choices),
-    )
+            drift = flight(self.mechanism, pose.assembly, self.control, self._in_flight(pose))
+        self._add_ranges(pose, len(self.mechanism.phases) - 1)
+        return drift, pose.assembly.work
+
+    def _pose_of(self, course: Course) -> PoseAtRest:
+        t, h = map(float, course.reals[[time_loop.TIME, time_loop.STEP]])
+        at = (int(course.counts[time_loop.PHASE]), t, h)
+        if self._pose is None or at != self._at:
+            self._at, self._flying = at, None
+            self._pose = PoseAtRest(self.mechanism, self.assembly, *at)
+        return self._pose
+
+    def _in_flight(self, pose: PoseAtRest) -> Array:
+        if self._flying is None:
+            unmoved = self.control.drift / self.control.window  # speed below which a body counts as unmoved
+            self._flying = in_flight(self.assembly, pose.assembly, unmoved)
+        return self._flying
+
+    def _add_ranges(self, pose: PoseAtRest, phase: int) -> None:
+        contacts = contacts_with_ranges(self.mechanism, phase, forces=self.indeterminacy)
+        found = pose.ranges(list(dict.fromkeys(contacts.values())))
+        self.ranges.update({name: found[contact] for name, contact in contacts.items() if contact in found})
 
 
 def _with_what_follows(mechanism: Mechanism, names: list[str]) -> tuple[str, ...]:
