@@ -23,7 +23,8 @@ from tests.clearcap.web.test_every_route import OPEN_READS, OPEN_WRITES, WAYS
 from tests.each import each
 
 IDENTITIES = ("nobody", "link", "viewer", "engineer", "approver", "admin")
-CHANGES = ("/monitor", "/cancel", "/resume", "/rerun", "/delete")  # ends of the paths that only owner and admin may ask
+# ends of the paths that only owner and admin may ask: what they do is kept with the campaign
+CHANGES = ("/monitor", "/confirmation", "/confirm", "/cancel", "/resume", "/rerun", "/delete")
 OF_OWNER = {name for name, way in WAYS.items() if way.is_write and "{campaign}" in name and name.endswith(CHANGES)}
 OF_OWNER |= {"DELETE /api/v1/campaigns/{campaign}"}
 GIVES_ACCESS = {  # what no token does
