@@ -67,7 +67,8 @@ def implausible_numbers(mechanism: Mechanism) -> Iterator[Caution]:
     for name, joint in mechanism.joints.items():
         for key in CLEARANCES if not joint.ideal else ():
             value = getattr(joint, key, None)
-            if value is not None:
+            pressed = key == "radial_clearance" and getattr(joint, "ring_stiffness", None) is not None
+            if value is not None and not pressed:  # a fit may leave any play, or none
                 yield from _out_of_range(mechanism, f"joints.{name}.{key}", value, "length", CLEARANCE)
     for name, body in mechanism.bodies.items():
         if body.mass is not None and body.inertia is not None:

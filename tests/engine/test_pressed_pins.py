@@ -6,6 +6,7 @@ import pytest
 
 from engine import MechanismError, set_values, simulate
 from engine.mechanism.keys.values import settable_numbers
+from engine.preflight.plausibility import implausible_numbers
 from tests.each import each
 from tests.engine.small import coordinates, made, small
 
@@ -93,6 +94,7 @@ def test_a_clearance_may_change_its_sign():
     assert loose.responses["x"] > simulate(set_values(mechanism, {"fit": -2e-5})).responses["x"] > 0.0
     tight = simulate(set_values(mechanism, {"fit": -TIGHT}))
     assert tight.responses == simulate(mechanism).responses
+    assert [*implausible_numbers(mechanism)] == []
 
 
 @each(
