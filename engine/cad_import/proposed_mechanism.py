@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from engine.cad.cad_model import CadAssembly, CadPart
-from engine.cad.findings.standard_parts import Coil
+from engine.cad.findings.standard_parts import Coil, gear_teeth
 from engine.cad_import.drawn_tolerances import Diameter, all_diameters, all_zones
 from engine.cad_import.found_geometry import FoundGeometry, FoundSpring
 from engine.cad_import.proposed_groups import PartGroup
@@ -54,6 +54,7 @@ rest = { window = 10.0, drift = 1e-5 }
 _SOME_DENSITY, _SOME_PLAY = 7.85e-3, 0.05  # g/mm3, mm: the free motions depend on neither
 _SHEAR_MODULUS = 81_500.0  # N/mm2, of spring wire, EN 13906-1
 _UNLOADED_SECONDS = 10.0  # of the processor
+_FEWEST_GEARS, _SOME_TEETH = 2, 20
 _MOST_MOTIONS = 8  # without load, that the question about loads names
 _ALL_WAYS = frozenset(f"{way} {axis}" for way in ("along", "about") for axis in "xyz")
 _SOME_BODY = {"mass": 1.0, "center_of_mass": [0.0, 0.0, 0.0], "inertia": [1.0, 1.0, 1.0]}
@@ -113,7 +114,14 @@ def proposed_mechanism(
         lines += joint_lines(found, joint, shared)
     for ball in found.balls:
         lines += ball_lines(found, ball, shared)
-    lines += [*pivot_tables(found), *stop_tables(found), *_springs(found), *_loads(unloaded), *_responses(found)]
+    lines += [
+        *pivot_tables(found),
+        *stop_tables(found),
+        *_springs(found),
+        *_gears(found),
+        *_loads(unloaded),
+        *_responses(found),
+    ]
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
@@ -257,6 +265,42 @@ def _named_spring_lines(found: FoundGeometry, spring: FoundSpring) -> list[str]:
         key_line("stiffness", 1.0, "N mm/rad, to be corrected"),
         key_line("free_angle", 0.0, "rad, to be corrected"),
     ]
+
+
+def _gears(found: FoundGeometry) -> list[str]:
+    """Return the question which gears mesh, with a marked pair; empty if fewer than two parts are gears by name."""
+    teeth = {part.name: gear_teeth(part.product or part.name) for part in found.assembly.parts}
+    gears = {part: number for part, number in teeth.items() if number is not None}
+    if len(gears) < _FEWEST_GEARS:
+        return []
+    text = (
+        f"which of {some([found.bodies[part] for part in gears])} mesh? They are gears by their names, and their teeth"
+        " are no contacts here: write each pair, with the module and backlash of its drawing"
+    )
+    pair = [_gear(found, part, number) for part, number in list(gears.items())[:_FEWEST_GEARS]]
+    lines = [
+        "[couplings.mesh]",
+        key_line("gears", pair),
+        key_line("module", 1.0, "mm, to be corrected"),
+        key_line("backlash", 0.05, "mm, to be corrected"),
+    ]
+    return [question("couplings", text), *marked(lines), ""]
+
+
+def _gear(found: FoundGeometry, part: str, teeth: int) -> dict[str, Any]:
+    """Return a gear on the axis of the first joint of its part, or of its largest cylinder."""
+    axes = [
+        (joint.pin.point, joint.pin.axis) for joint in found.joints if part in (joint.pin.journal, joint.pin.bearing)
+    ]
+    round_faces = [face for face in found.assembly.faces_of(part) if face.kind == "cylinder"]
+    axes += [(face.point, face.axis) for face in sorted(round_faces, key=lambda face: -face.area)]
+    point, axis = axes[0] if axes else (np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    return {
+        "body": found.bodies[part],
+        "point": np.round(found.to_body(part, point), 6) + 0.0,
+        "axis": np.round(found.assembly.part(part).placement.rotation.T @ axis, 9) + 0.0,
+        "teeth": teeth or _SOME_TEETH,
+    }
 
 
 def _loads(unloaded: UnloadedMotions) -> list[str]:

@@ -70,6 +70,11 @@ _NAMES: dict[StandardKind, re.Pattern[str]] = {
         r"|tssop \d+|qfn \d+|pinheader)\b"
     ),
 }
+_GEAR = re.compile(
+    rf"\b(?:(?:spur|ring|sun|planet|internal) ?)?(?:gear ?wheel|gear|pinion|zahnrad|ritzel|stirnrad|hohlrad)s?\b"
+    rf"(?! {_HOLDERS}\b)"
+)
+_TEETH = re.compile(r"\b(?:z ?)?(\d{1,3}) ?(?:teeth|tooth|t|zaehne|z)\b|\bz ?(\d{1,3})\b")
 _NO_FASTENER = re.compile(r"\b(?:lead|ball|feed|drive|power|worm|spindle|trapez\w*) ?(?:screw|nut|spindle)")
 
 
@@ -108,9 +113,22 @@ def standard_parts(assembly: CadAssembly) -> list[StandardPart]:
     return [each for each in found if each is not None]
 
 
+def gear_teeth(name: str) -> int | None:
+    """Return the number of teeth of a gear by the name of its product, 0 if it has none in it; None for other parts."""
+    plain = _plain(name)
+    if not _GEAR.search(plain):
+        return None
+    teeth = _TEETH.search(plain)
+    return int(teeth[1] or teeth[2]) if teeth else 0
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]+", " ", name.casefold()).strip()
+
+
 def _standard(part: CadPart, faces: list[CadFace], mesh: TriangleMesh) -> StandardPart | None:
     """Return what a part is; None if it is no part that is recognised."""
-    name = re.sub(r"[^a-z0-9]+", " ", (part.product or part.name).casefold()).strip()
+    name = _plain(part.product or part.name)
     kind = next((kind for kind, pattern in _NAMES.items() if pattern.search(name)), None)
     if kind == "fastener" and _NO_FASTENER.search(name):
         return None

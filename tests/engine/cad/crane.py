@@ -87,3 +87,16 @@ def pedals():
         made.add(both, plate, place(x))
     made.add(top, both, name="pedals")
     return made
+
+
+def gears():
+    """Return a frame with two pins, and on them two gears, without teeth but with their numbers in their names."""
+    made = Drawing()
+    top = made.assembly("gears")
+    frame = box((-20.0, -20.0, -4.0), (80.0, 40.0, 4.0))
+    frame = fused(frame, *(cylinder((x, 0, 0), 3.0, 8) for x in (0.0, 30.0)))
+    made.add(top, made.product("frame", frame, STEEL), name="frame")
+    for name, radius, x in (("Spur gear (24 teeth)", 13.0, 0.0), ("Ritzel z36", 19.0, 30.0)):
+        shape = cut(cylinder((0, 0, 0), radius - 2.0, 5.0), cylinder((0, 0, -1), 3.05, 8))
+        made.add(top, made.product(name, shape, STEEL), place(x, z=0.05), name)
+    return made

@@ -10,11 +10,12 @@ from typer.testing import CliRunner
 from clearcap.cli import app
 from engine import MechanismError, load_mechanism
 from engine.cad import read_step
+from engine.cad.findings.standard_parts import gear_teeth
 from engine.cad_import.found_geometry import find_geometry
 from engine.cad_import.proposed_groups import PartGroup, groups_of_bodies, listed_groups, updated_groups
 from engine.cad_import.proposed_mechanism import proposed_mechanism, unloaded_directions
 from tests.engine.cad.bought import COIL, gearbox
-from tests.engine.cad.crane import ARM, BORE, COVER, FOOT, PLAY, WEIGHT, board, crane, pedals, torsion_spring
+from tests.engine.cad.crane import ARM, BORE, COVER, FOOT, PLAY, WEIGHT, board, crane, gears, pedals, torsion_spring
 
 pytestmark = pytest.mark.processes
 
@@ -212,6 +213,22 @@ def test_a_spring_by_its_name(tmp_path):
     assert (spring["type"], spring["a"], spring["b"]) == ("torsion", "base", "lever")
     np.testing.assert_allclose(np.abs(spring["axis"]), [0, 1, 0], atol=1e-9)
     assert "Of Schenkelfeder only the name says" in path.read_text()
+
+
+def test_gears_by_their_names(tmp_path):
+    """Which mesh is asked; the marked pair is one once it has a module, on the axes of its joints, with its teeth."""
+    drawing, path = gears().write(tmp_path / "gears.step"), tmp_path / "gears.toml"
+    imported(tmp_path, drawing, "-o", path, "--no-pictures")
+    text = path.read_text()
+    assert "#? couplings: which of Spur-gear-24-teeth, Ritzel-z36 mesh?" in text
+    lines = text.partition("# [couplings.mesh]")[2].splitlines()[1:4]
+    mesh = tomllib.loads("\n".join(line.removeprefix("# ") for line in lines))
+    assert [gear["teeth"] for gear in mesh["gears"]] == [24, 36]
+    assert [gear["point"][:2] for gear in mesh["gears"]] == [[0.0, 0.0]] * 2
+    whole = text.replace("# [couplings", "[couplings").replace("\n# gears", "\ngears").replace("\n# module", "\nmodule")
+    path.write_text(whole.replace("\n# backlash", "\nbacklash").replace("\n# fixed", "\nfixed"))
+    assert load_mechanism(path).couplings["mesh"].centre_distance == 30.0
+    assert [gear_teeth(name) for name in ("GEAR housing", "gearbox", "Planet Gear", "gear_17T")] == [None, None, 0, 17]
 
 
 def test_components_join_their_board(tmp_path):
