@@ -5,6 +5,7 @@ draw. An interval covers the true value, misses it low or high, has a warning on
 """
 
 import argparse
+import math
 import os
 import platform
 import re
@@ -36,7 +37,7 @@ from studies.coverage.estimates import (
     verdicts,
     verdicts_in_turn,
 )
-from studies.coverage.outcomes import GROUPS, Key, Statement, Tally, details, faults, table, tallied
+from studies.coverage.outcomes import BY_INDEX, GROUPS, Key, Statement, Tally, details, faults, table, tallied
 from studies.coverage.productions import (
     IN_ORDER,
     JUDGED_SHAPES,
@@ -87,8 +88,9 @@ REPLICATIONS: dict[Estimate, int] = {
     contents: 300,
 }
 # Estimates for some productions only.
-OF_JUMPS, OF_REJECTS, OF_RARE, OF_DESIGNED, OF_STOPS, OF_VERDICTS, OF_TURNS = 60, 60, 200, 40, 100, 10, 40
-OF_ALLOCATIONS, OF_ORDER, OF_LITERATURE = 20, 250, 20
+OF_JUMPS, OF_REJECTS, OF_RARE, OF_DESIGNED, OF_STOPS, OF_VERDICTS = 60, 60, 200, 40, 100, 40
+OF_ALLOCATIONS, OF_ORDER, OF_LITERATURE = 10, 250, 20
+OF_PAGES = dict(zip(SIZES, (10, 10, 5), strict=True))
 LAST = 3200  # values at which a verdict in turn ends
 
 
@@ -105,9 +107,9 @@ def cases(share: float = 1.0) -> list[Case]:
     found += [Case(allocations, p, n, round(share * OF_ALLOCATIONS)) for p in SHAPES for n in SIZES[1:]]
     found += [Case(attributions, p, n, round(share * OF_REJECTS)) for p in (SHAPES[0], *LOTS) for n in SIZES[1:]]
     found += [Case(verdicts, p, n, round(share * OF_VERDICTS)) for p in (*SHAPES, *LOTS) for n in SIZES]
-    found += [Case(pages, p, n, round(share * OF_VERDICTS)) for p in MORE_SHAPES for n in SIZES]
+    found += [Case(pages, p, n, math.ceil(share * OF_PAGES[n])) for p in MORE_SHAPES for n in SIZES]
     judged_in_turn = (SHAPES[0], *JUDGED_SHAPES)
-    found += [Case(verdicts_in_turn, p, LAST, round(share * OF_TURNS)) for p in judged_in_turn]
+    found += [Case(verdicts_in_turn, p, LAST, round(share * OF_VERDICTS)) for p in judged_in_turn]
     found += [Case(rare_shares, p, n, round(share * OF_RARE)) for p in AIMED for n in SIZES[1:]]
     found += [Case(designed_shares, p, max(SIZES), round(share * OF_DESIGNED)) for p in DESIGNED]
     found += [Case(designed_shares, p, max(SIZES), round(share * OF_LITERATURE)) for p in LITERATURE]
@@ -116,21 +118,18 @@ def cases(share: float = 1.0) -> list[Case]:
     return sorted(found, key=lambda case: -case.n * case.replications)
 
 
-# Of verdicts, and of other numbers.
-_WORDS = tuple(group for group in GROUPS if group.startswith("certain verdicts, index"))
-_REST = tuple(group for group in GROUPS if group not in _WORDS)
 _OF_PAGES = ("mean, sigma", "Pp, Ppk, ppm", "Pareto", "tolerance intervals, normal", "tolerance intervals, any")
 # The productions of each table, its groups of numbers, and whether it has a row for each production.
 TABLES: tuple[tuple[tuple[Production, ...], tuple[str, ...], bool], ...] = (
-    (SHAPES, _REST, False),
-    (MORE_SHAPES, tuple(group for group in _REST if group.startswith(_OF_PAGES)), True),
-    ((*SHAPES, *MORE_SHAPES, *LOTS), _WORDS, True),
+    (SHAPES, tuple(GROUPS), False),
+    (MORE_SHAPES, tuple(group for group in GROUPS if group.startswith(_OF_PAGES)), True),
+    (MORE_SHAPES, tuple(BY_INDEX), True),
     (JUDGED_SHAPES, ("certain verdicts, in turn",), False),
-    (LOTS, _REST, False),
-    (IN_ORDER, _REST, True),
+    (LOTS, tuple(GROUPS), False),
+    (IN_ORDER, tuple(GROUPS), True),
     (JUMPS, ("first-order indices", "share of interactions"), False),
-    *((productions, _REST, False) for productions in (LOTS_IN_TURN, AIMED, DESIGNED)),
-    (LITERATURE, _REST, True),
+    *((productions, tuple(GROUPS), False) for productions in (LOTS_IN_TURN, AIMED, DESIGNED)),
+    (LITERATURE, tuple(GROUPS), True),
 )
 
 

@@ -23,6 +23,9 @@ CONSERVATIVE = re.compile(
     "counted|distance from normal|yield|loss by a response|part of the rejects|contains [0-9.]+, |Cpk, joint"
     "|what if .*: ppm|rare, |certain verdict"
 )
+# Numbers of which a caution explains that an interval ends below the true value, or begins above it: with parts that
+# the values may miss an index is lower, a share beyond a limit larger, and less lies within an interval.
+EXPLAINED = {LOW: "(?!Ppk?,|contains)", HIGH: "(?!ppm, fitted|tail)"}
 
 
 @dataclass(frozen=True)
@@ -75,10 +78,10 @@ class Tally:
         """Whether the answered intervals cover too seldom, by more than chance explains."""
         return self.answered > 0 and share_interval(self.counts[COVERED], self.answered, SURE)[1] < LEAST
 
-    @property
-    def excused(self) -> bool:
-        """Whether nearly every page with the interval says what the values may not show."""
-        return self.cautioned >= LEAST * self.answered
+    def excused(self, number: str) -> bool:
+        """Whether nearly every page with the interval says what values may not show, and this explains the misses."""
+        others = [self.counts[outcome] for outcome in (LOW, HIGH) if not re.match(EXPLAINED[outcome], number)]
+        return self.cautioned >= LEAST * self.answered and sum(others) <= (1 - LEAST) * self.answered
 
     def fault(self, number: str, *, textbook: bool) -> str:
         """Return the fault of the interval, if it is beyond chance; empty otherwise."""
@@ -90,7 +93,7 @@ class Tally:
         if least_answered <= 1 - LEAST:  # mostly warned of or withheld, so few readers are misled
             return ""
         if self.narrow:
-            return "" if self.excused else "too narrow"
+            return "" if self.excused(number) else "too narrow"
         low, _ = share_interval(self.counts[COVERED], self.answered, SURE)
         return "too wide" if low > MOST and not CONSERVATIVE.match(number) else ""
 
@@ -111,9 +114,7 @@ def tallied(replications: Iterable[Iterable[Statement]]) -> dict[str, Tally]:
 GROUPS = {
     "mean, sigma, Cp, Cpk, Cpl, Cpu, Cc, Cpm, Cpmk": r"mean|sigma|Cp|Cpk|Cpl|Cpu|Cc|Cpm\*?|Cpmk",
     "joint Cpk": "Cpk, joint",
-    "certain verdicts, index 0.90": "certain verdict, not capable",
-    "certain verdicts, index 1.20": "certain verdict, marginal",
-    "certain verdicts, index 1.67": "certain verdict, capable",
+    "certain verdicts": "certain verdict, [a-z]+( capable)?",
     "certain verdicts, in turn": "certain verdict, in turn",
     "Z.bench, ppm expected": "Z.bench|ppm expected, normal",
     "Cp within lots": "Cp within lots",
@@ -137,6 +138,12 @@ GROUPS = {
     "rare rejects, designed": "rare, designed",
     "rare rejects, bound only": "rare, bound",
 }
+# Of these a tall table has a column for each index of the worse side.
+BY_INDEX = {
+    "certain verdicts, index 0.90": "certain verdict, not capable",
+    "certain verdicts, index 1.20": "certain verdict, marginal",
+    "certain verdicts, index 1.67": "certain verdict, capable",
+}
 # Production and smallest number of values for which the report should not warn; but for a share far out in a tail it
 # may say that so few values do not exclude another shape.
 TEXTBOOK, CAUTIONED = ("normal", 500), ("Z.bench", "ppm expected, normal")
@@ -159,7 +166,8 @@ def table(
     sizes = sorted({n for _, production, n in tallies if production in names})
     rows = []
     for group in groups:
-        numbers = [number for number in dict.fromkeys(key[0] for key in tallies) if re.fullmatch(GROUPS[group], number)]
+        pattern = (GROUPS | BY_INDEX)[group]
+        numbers = [number for number in dict.fromkeys(key[0] for key in tallies) if re.fullmatch(pattern, number)]
         cells = []
         for name in names:
             of_sizes = [
@@ -181,16 +189,16 @@ def cell(found: dict[Key, Tally]) -> str:
     """Return the smallest and the largest coverage of some numbers in percent; bold if one of them has a fault."""
     # The coverage of a number that is nearly always warned of or withheld is left out; ``w`` is the largest share of
     # warned or withheld intervals of the others.
-    stated = [tally for tally in found.values() if tally.answered >= (1 - NEARLY_ALL) * tally.total]
+    stated = {key: tally for key, tally in found.items() if tally.answered >= (1 - NEARLY_ALL) * tally.total}
     if not stated:
         warned = sum(tally.counts[WARNED] for tally in found.values())
         text = "w" if warned >= sum(tally.counts[WITHHELD] for tally in found.values()) else "–"
     else:
-        coverages = [f"{100 * (tally.coverage or 0.0):.0f}" for tally in stated]
+        coverages = [f"{100 * (tally.coverage or 0.0):.0f}" for tally in stated.values()]
         low, high = min(coverages, key=int), max(coverages, key=int)
-        without = max(1 - tally.answered / tally.total for tally in stated)
+        without = max(1 - tally.answered / tally.total for tally in stated.values())
         text = (low if low == high else f"{low}–{high}") + (f" w{100 * without:.0f}" if without >= SOME else "")
-        text += " c" if any(tally.narrow and tally.excused for tally in stated) else ""
+        text += " c" if any(tally.narrow and tally.excused(key[0]) for key, tally in stated.items()) else ""
     return f"**{text}**" if faults(found) else text
 
 

@@ -57,6 +57,8 @@ def test_a_caution_excuses_a_narrow_interval_only_if_every_page_has_it():
     short = Counter({COVERED: 700, LOW: 300})
     assert Tally(short, cautioned=1000).fault("Cpk", textbook=False) == ""
     assert Tally(short, cautioned=900).fault("Cpk", textbook=False) == "too narrow"
+    assert Tally(short, cautioned=1000).fault("ppm, fitted", textbook=False) == ""
+    assert Tally(short, cautioned=1000).fault("Ppk, Z-scores, fitted", textbook=False) == "too narrow"
     statements = [Statement("Cpk", (0.0, 2.0), 1.0, cautioned=True), Statement("Cpk", (0.0, 2.0), 1.0)]
     assert tallied([statements])["Cpk"].cautioned == 1
 
