@@ -118,7 +118,7 @@ def cases(share: float = 1.0) -> list[Case]:
     return sorted(found, key=lambda case: -case.n * case.replications)
 
 
-_OF_PAGES = ("mean, sigma", "Pp, Ppk, ppm", "Pareto", "tolerance intervals, normal", "tolerance intervals, any")
+_OF_PAGES = ("mean, sigma", "Pp, Ppk, ppm", "Pareto", "tolerance intervals, normal")
 # The productions of each table, its groups of numbers, and whether it has a row for each production.
 TABLES: tuple[tuple[tuple[Production, ...], tuple[str, ...], bool], ...] = (
     (SHAPES, tuple(GROUPS), False),
