@@ -89,7 +89,7 @@ REPLICATIONS: dict[Estimate, int] = {
 }
 # Estimates for some productions only.
 OF_JUMPS, OF_REJECTS, OF_RARE, OF_DESIGNED, OF_STOPS, OF_VERDICTS = 60, 60, 200, 40, 100, 40
-OF_ALLOCATIONS, OF_ORDER, OF_LITERATURE = 10, 250, 20
+OF_ALLOCATIONS, OF_ORDER, OF_LITERATURE = 10, 250, 60
 OF_PAGES = dict(zip(SIZES, (10, 10, 5), strict=True))
 LAST = 3200  # values at which a verdict in turn ends
 
