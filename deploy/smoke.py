@@ -30,6 +30,7 @@ def main() -> None:
     print(f"Python {platform.python_version()}:", ", ".join(f"{name} {version(name)}" for name in packages), flush=True)
     with TemporaryDirectory(prefix="clearcap-") as folder:
         os.environ["NUMBA_CACHE_DIR"] = folder
+        os.environ["PYTHONWARNINGS"] = "error:Pydantic serializer warnings:UserWarning"  # it wrote what it did not know
         print(f"{import_all()} modules are imported", flush=True)
         call_kernels()
         print("two kernels compute what they should", flush=True)
