@@ -80,7 +80,7 @@ def indices(production: Production, n: int, rng: np.random.Generator) -> Iterato
     """Yield the intervals of `reporting.capability` that are based on mean and sigma."""
     true, lots = truth(production.shape), production.lot_of(n)
     y = production.draw(n, rng)
-    in_order = production.series is not None and lots is None
+    in_order = production.in_order and lots is None
     c = capability(y, true.lsl, true.usl, true.target, CONFIDENCE, lots, ordered=in_order)
     around = target_indices(y, true.lsl, true.usl, true.target, CONFIDENCE, lots)
     assert around is not None
@@ -106,7 +106,7 @@ def indices(production: Production, n: int, rng: np.random.Generator) -> Iterato
         ("Cpmk", around.cpmk_interval, true.cpk * true.std / tau),
     ):
         yield Statement(number, interval, float(value), disordered, cautioned)
-    if c.within is not None and production.series is None:
+    if c.within is not None and not production.in_order:
         cp_within = true.cp / np.sqrt(1 - explained(production.shape, production.share_between))
         yield Statement("Cp within lots", c.within.cp_interval, float(cp_within))
 

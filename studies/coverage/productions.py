@@ -6,6 +6,7 @@ campaign in the form that the report takes: samples and request.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy import stats
@@ -39,7 +40,7 @@ class Production:
     # increase of the response if the first variable is above 1; then only first-order indices are known
     jump: float = 0.0
     together: bool = False  # the increase takes both of the first two variables above 0
-    series: Draw | None = None  # values in the order in which they are made, if the variables do not determine them
+    in_order: bool = False  # its values are those of `SERIES`, in the order in which they are made
 
     @property
     def share_between(self) -> float:
@@ -70,18 +71,13 @@ class Production:
 
     def draw(self, n: int, rng: np.random.Generator) -> Array:
         """Return n values of the response."""
-        return self.values(self.variables(n, rng)) if self.series is None else self.series(rng, n)
+        return SERIES[self.name](rng, n) if self.in_order else self.values(self.variables(n, rng))
 
 
-def _bad_lots(lots: int) -> Production:
-    """Return a production in lots; in 5 % of them all values are larger by 3 of the sigmas within a lot."""
-
-    def drawn(rng: np.random.Generator, n: int) -> Array:
-        bad = rng.random(lots) < 0.05
-        return rng.standard_normal(n) + 3.0 * bad[found.lot_of(n)]
-
-    found = Production(f"{lots} lots, 5 % bad", "5 % shifted by 3 sigmas", lots, series=drawn)
-    return found
+def _bad_lots(production: Production, rng: np.random.Generator, n: int) -> Array:
+    """Return n values in lots; in 5 % of them all values are larger by 3 of the sigmas within a lot."""
+    bad = rng.random(production.lots) < 0.05
+    return rng.standard_normal(n) + 3.0 * bad[production.lot_of(n)]
 
 
 _OF_SHAPE = {shape: Production(shape, shape) for shape in CURVES}
@@ -104,12 +100,23 @@ LOTS = (
     Production("20 lots, lognormal", "lognormal", 20),
 )
 # Productions whose order matters, or whose lots differ as seldom as bad ones do.
-IN_ORDER = (
-    *(Production(process.name, "normal", series=process.draw) for process in (CORRELATED[0.4], CORRELATED[0.6])),
-    Production(ALTERNATING[0].name, "two normals 2 sigmas apart", series=ALTERNATING[0].draw),
-    Production(ALTERNATING[1].name, "normal", series=ALTERNATING[1].draw),
-    *(_bad_lots(lots) for lots in (8, 20, 50, 60)),
+_PROCESSES = (CORRELATED[0.4], CORRELATED[0.6], *ALTERNATING)
+_BAD_LOTS = tuple(
+    Production(f"{lots} lots, 5 % bad", "5 % shifted by 3 sigmas", lots, in_order=True) for lots in (8, 20, 50, 60)
 )
+_SPINDLES = ALTERNATING[0].name
+IN_ORDER = (
+    *(
+        Production(each.name, "two normals 2 sigmas apart" if each.name == _SPINDLES else "normal", in_order=True)
+        for each in _PROCESSES
+    ),
+    *_BAD_LOTS,
+)
+# By name, because a production goes to other processes, and these functions cannot.
+SERIES: dict[str, Draw] = {
+    **{each.name: each.draw for each in _PROCESSES},
+    **{each.name: partial(_bad_lots, each) for each in _BAD_LOTS},
+}
 # Productions that are sampled until a stopping rule ends them.
 LOTS_IN_TURN = (
     *(Production(f"{shape}, in turn", shape) for shape in ("normal", "lognormal", "t5")),

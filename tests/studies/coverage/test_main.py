@@ -1,5 +1,6 @@
 """The command of the coverage study: it repeats every estimate, and one that is wrong shows."""
 
+import pickle
 import re
 
 import numpy as np
@@ -40,6 +41,11 @@ def test_every_case_has_a_part_of_its_replications():
     whole, tenth = cases(), cases(0.1)
     assert {(c.estimate, c.production, c.n) for c in whole} == {(c.estimate, c.production, c.n) for c in tenth}
     assert all(case.replications >= 1 for case in tenth)
+
+
+def test_every_case_goes_to_another_process():
+    """The command computes them in as many as there are cores."""
+    assert pickle.loads(pickle.dumps(cases())) == cases()
 
 
 DRAWN: list[list[float]] = []
