@@ -53,3 +53,22 @@ def test_growth_leaves_a_contact_with_restitution_alone_that_does_not_close():
     ball = run.x[0, :, 1] != ROW
     np.testing.assert_array_equal(run.v[-1, ball, :3], [[0.0, 0.0, -SLOW]])
     assert run.r[-1, run.assembly.contact_names.index("bounce"), 0] == 0.0
+
+
+def test_the_slip_speed_is_the_same_in_every_direction():
+    """Points that slide over a plane without friction, however its tangents lie."""
+    way = np.radians([0.0, 53.0, 140.0, 260.0])
+    bodies: dict[str, Any] = {"ground": {"fixed": True}}
+    contacts = {}
+    for k, angle in enumerate(way):
+        velocity = [SPEED * np.cos(angle), SPEED * np.sin(angle), 0.0]
+        bodies[f"B{k}"] = {"mass": 1.0, "inertia": [1.0] * 3, "origin": [5.0 * k, 0.0, 0.0], "velocity": velocity}
+        contacts[f"C{k}"] = {
+            "a": {"body": f"B{k}", "point": [0.0, 0.0, 0.0]},
+            "b": {"body": "ground", "plane": {"point": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0]}},
+            "friction": 0.0,
+        }
+    clock = {"step": STEP, "horizon": 5 * STEP, "theta": 1.0}
+    run = history(made(small(bodies=bodies, contacts=contacts, simulation=clock, gravity=[0.0, 0.0, -9.81])))
+    assert (run.r[-1, :, 0] > 0).all()
+    np.testing.assert_allclose(run.assembly.state.slip, SPEED, rtol=1e-12)
