@@ -138,7 +138,7 @@ def _contact_laws(mechanism: Mechanism) -> Iterator[Assumption]:
         users[law].append(key.partition(".")[2])
     for name, material in mechanism.materials.items():
         where = f" ({_listed(users[name])})" if users[name] else " (not used)"
-        for law in ("friction", "static_friction", "restitution"):
+        for law in ("friction", "friction_across", "static_friction", "restitution"):
             if getattr(material, law) is not None:
                 key = f"materials.{name}.{law}"
                 yield Assumption(CONTACT, f"{_in_words(law)} of {name}{where}", getattr(material, law), "1", key)
@@ -146,8 +146,8 @@ def _contact_laws(mechanism: Mechanism) -> Iterator[Assumption]:
         where = _listed(users[None])
         yield Assumption(CONTACT, f"friction and restitution without a material ({where})", 0.0, "1", "")
     for key, pair in pairs.items():
-        for law in ("friction", "static_friction", "restitution"):
-            if getattr(pair, law) is not None:
+        for law in ("friction", "friction_across", "static_friction", "restitution"):
+            if getattr(pair, law, None) is not None:
                 name = f"{_in_words(law)} of {key.partition('.')[2]}, instead of its material's"
                 yield Assumption(CONTACT, name, getattr(pair, law), "1", f"{key}.{law}")
     limits = {f"joints.{n}.limits": getattr(j, "limits", None) for n, j in mechanism.joints.items()}

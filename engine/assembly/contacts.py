@@ -14,6 +14,7 @@ import numpy as np
 
 from engine.arrays import Array, Integers
 from engine.assembly.frames import BodyFrame, tangent
+from engine.assembly.grain import grain_arrays, grain_of
 from engine.assembly.surface_trees import joined_surfaces, surface_tree
 from engine.assembly.table_cache import cached
 from engine.kernels.model import (
@@ -147,6 +148,7 @@ class Pair:
     spring: tuple[float, float] = (0.0, 0.0)  # stiffness and damping; 0: rigid
     hertz: bool = False  # whether the stiffness is that of Hertz
     sticking: float = 0.0  # coefficient of friction of a contact that sticks; below that of the law: the same
+    grain: tuple[float, ...] | None = None  # direction, body and ratio of friction, see `grain.grain_of`
     table: str = ""  # the key of what may have a table of its friction over the sliding speed
 
 
@@ -209,6 +211,7 @@ def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterato
                 clearance=clearance,
                 law=mechanism.contact_law(contact),
                 sticking=mechanism.static_friction(contact),
+                grain=grain_of(mechanism, contact, frames),
                 table=f"contacts.{name}",
                 pieces=pieces,
                 surface=trees.get(name),
@@ -235,6 +238,7 @@ def contact_arrays(
     profile = [(ends[id(p)] - len(p), ends[id(p)]) if len(p) else (0, 0) for p in (pair.pieces for pair in pairs)]
     root, surfaces = joined_surfaces([pair.surface for pair in pairs])
     resisted = any(pair.arm for pair in pairs)
+    grain, larger = grain_arrays([pair.grain for pair in pairs])
     contacts = Contacts(
         kind=np.array([pair.kind for pair in pairs], np.int64),
         a=np.array([pair.a for pair in pairs], np.int64),
@@ -258,11 +262,12 @@ def contact_arrays(
         stiffness=np.array([pair.spring[0] for pair in pairs], float),
         damping=np.array([pair.spring[1] for pair in pairs], float),
         hertz=np.array([pair.hertz for pair in pairs], bool),
+        grain=grain,
         weight=np.tile([-1, 0, 0], (len(pairs), 1)) if weight is None else weight,
     )
-    mu = np.ascontiguousarray(laws[:, 0])
+    mu = larger * laws[:, 0]
     table = np.array([tables.get(pair.table, -1) for pair in pairs], np.int64)
-    resting = np.array([pair.sticking for pair in pairs], float)
+    resting = larger * np.array([pair.sticking for pair in pairs], float)
     sticking = np.where(table >= 0, resting, np.maximum(mu, resting))
     has_tables = bool((table >= 0).any())
     return contacts, Laws(

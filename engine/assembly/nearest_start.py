@@ -66,7 +66,10 @@ class _Search:
     """The constraints and their gradients at a pose w."""
 
     def __init__(self, arrays: RunArrays) -> None:
-        self.model, self.state, self.work, self.problem = arrays
+        model, self.state, self.work, self.problem = arrays
+        grain = model.contacts.grain.copy()
+        grain[:, 4:] = 1.0  # the tangents of a shape have length 1
+        self.model = model._replace(contacts=model.contacts._replace(grain=grain))
         self.x, self.p = self.state.x.copy(), self.state.p.copy()
         self.columns = ROW * self.model.bodies.node[:, None] + np.arange(6)  # (nb, 6) of each body in w
         self.turn = np.zeros((len(self.model.bodies.mass), 3, 3))

@@ -16,6 +16,7 @@ import numpy as np
 from engine.arrays import Array
 from engine.assembly.contacts import Pair, curve_pieces, geometry_row, profile_pieces, row_b
 from engine.assembly.frames import BodyFrame
+from engine.assembly.grain import grain_of
 from engine.assembly.table_cache import cached
 from engine.errors import Fault, MechanismError
 from engine.kernels.model import ON_EXTRUDED, State
@@ -50,6 +51,7 @@ def outline_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], state: Sta
                 law=law,
                 pieces=pieces,
                 sticking=mechanism.static_friction(contact),
+                grain=grain_of(mechanism, contact, frames),
                 table=f"contacts.{name}",
             )
 

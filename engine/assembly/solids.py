@@ -14,6 +14,7 @@ import numpy as np
 from engine.arrays import Array
 from engine.assembly.contacts import KINDS, NO_PIECES, Pair, geometry_row, profile_pieces, row_b
 from engine.assembly.frames import BodyFrame, tangent
+from engine.assembly.grain import grain_of
 from engine.assembly.table_cache import cached
 from engine.kernels.contact_geometry.boxes import CORNERS
 from engine.kernels.contact_geometry.rounds import CROSSING, EDGE, LAST, LOWER
@@ -55,6 +56,7 @@ def solid_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterator[
                 clearance=-feature.skin - offset,
                 law=law,
                 sticking=mechanism.static_friction(contact),
+                grain=grain_of(mechanism, contact, frames),
                 table=f"contacts.{name}",
                 pieces=feature.pieces,
             )

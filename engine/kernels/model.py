@@ -90,6 +90,9 @@ class Contacts(NamedTuple):
     breakaway: np.ndarray  # (nc,) the same of one that sticks, at least as large
     partner: np.ndarray  # (nc,) int64, the contact whose rolling or spinning it resists; -1: none; (0,) if none does
     arm: np.ndarray  # (nc,) largest moment against it per normal force; 0: none; (0,) if none does
+    grain: (
+        np.ndarray
+    )  # (nc, 6) direction in a body's axes, body, lengths of T1 and T2, see grain.py; (0, 6) without any
     weight: np.ndarray  # (nc, 3) int64, node of a JOINT_FRICTION's weight or a spring (-1: none); pieces with a, b
     stiffness: np.ndarray  # (nc,) force per penetration; 0: rigid, see compliance.py
     damping: np.ndarray  # (nc,) force per closing speed, of contacts with a stiffness

@@ -9,6 +9,7 @@ on.
 from engine.jit import kernel
 from engine.kernels.contact_geometry.gaps import find_contact
 from engine.kernels.energy import kinetic_energy
+from engine.kernels.grain import lengths
 from engine.kernels.loads import potential_energy
 
 HEAD, BODY, CONTACT = 4, 13, 5
@@ -39,7 +40,8 @@ def record(model, state, work, t, h, rows):
     for c in range(state.gap.shape[0]):
         row[at] = find_contact(model.contacts, state.x, state.R, c, work.sites.point, work.sites.frame)
         row[3] += 0.5 * model.contacts.stiffness[c] * min(row[at], 0.0) ** 2
-        row[at + 1], row[at + 2], row[at + 3] = state.r[c, 0], state.r[c, 1], state.r[c, 2]
+        first, second = lengths(model.contacts, c)
+        row[at + 1], row[at + 2], row[at + 3] = state.r[c, 0], first * state.r[c, 1], second * state.r[c, 2]
         row[at + 4] = 1.0 if work.active[c] else 0.0
         at += CONTACT
     for k in range(work.values.shape[0]):

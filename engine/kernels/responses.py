@@ -34,6 +34,7 @@ from engine.jit import inner, kernel, not_inlined
 from engine.kernels.bushings import bushing_effort
 from engine.kernels.contact_geometry.gaps import find_contact
 from engine.kernels.coordinates import position, rotation
+from engine.kernels.grain import lengths
 from engine.kernels.loads import spring_force, spring_torque
 from engine.kernels.model import (
     ANGLE,
@@ -91,11 +92,11 @@ def measure(model, state, sites, rows, values, vectors, instant):
         elif kind == DERIVED:
             value = np.nan
         elif kind == CONTACT_IMPULSE:
-            value = values[i] + _sum(state.r, body, False)
+            value = values[i] + _sum(contacts, state.r, body, False)
         elif kind == CONTACT_FORCE:
-            value = _sum(state.r, body, False) / h
+            value = _sum(contacts, state.r, body, False) / h
         elif kind == FRICTION_FORCE:
-            value = _sum(state.r, body, True) / h
+            value = _sum(contacts, state.r, body, True) / h
         elif kind == MOTION_FORCE:
             value = rows.force[body[0]]
         elif kind == MOTION_WORK:
@@ -130,7 +131,7 @@ def accumulate(model, state, work, t, h):
         kind, j = responses.kind[i], responses.body[i, 0]
         if kind == BOUNCES:
             gap = _smallest_gap(model.contacts, state, responses.body[i], work.sites)
-            work.touched[i] = work.touched[i] or _sum(state.r, responses.body[i], False) > 0.0
+            work.touched[i] = work.touched[i] or _sum(model.contacts, state.r, responses.body[i], False) > 0.0
             if work.touched[i] and gap > responses.point[i, 0]:
                 work.touched[i] = False
                 values[i] += 1.0
@@ -168,11 +169,12 @@ def _smallest_gap(contacts, state, body, sites):
 
 
 @inner
-def _sum(r, body, friction):
+def _sum(contacts, r, body, friction):
     """Return the sum of the normal impulses of the contacts of a response, or of the sizes of those of friction."""
     total = 0.0
     for j in range(body[0], body[0] + body[1]):
-        size = np.hypot(r[j, 1], r[j, 2]) if friction else r[j, 0]
+        first, second = lengths(contacts, j)
+        size = np.hypot(first * r[j, 1], second * r[j, 2]) if friction else r[j, 0]
         total = size if j == body[0] else total + size
     return total
 

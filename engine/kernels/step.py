@@ -79,7 +79,7 @@ def step(context):
             status, spent, left = solve_friction(nc, problem, control.tolerance)
             iterations += spent
             residual = max(residual, left)
-        apply_impulses(bodies, state, work, problem, nc)
+        apply_impulses(bodies, contacts, state, work, problem, nc)
         if status == CONVERGED:
             grown = 0 if plain else grow_active_set(contacts, laws, state, work, (after, h), growth >= ALONE, bounce)
             if grown + bend(contacts, work, problem, nc, after) + match_rolling(contacts, state, work, time) == 0:

@@ -7,6 +7,7 @@ from engine.jit import inner, not_inlined
 from engine.jit.lanes import LANES, read, write
 from engine.kernels.broad_phase import body_speeds, closing_speed, update_contact
 from engine.kernels.contacts import add_whitened, aim_centred, contact_velocity, press, whitened_rows
+from engine.kernels.grain import lengths
 from engine.kernels.loads import table_at
 from engine.kernels.model import RING_BORE, ROLLING
 
@@ -92,7 +93,9 @@ def friction_in_step(contacts, laws, tables, state, work, problem, i, n):
         contact_velocity(contacts, state.x, state.R, work.sites, work.start.v, i, work.u)
         u = work.u[i]
     if laws.table.shape[0] > 0 and laws.table[i] >= 0:
-        return laws.mu[i] * table_at(tables, laws.table[i], np.sqrt(u[1] ** 2 + u[2] ** 2))
+        first, second = lengths(contacts, i)
+        speed = np.sqrt((u[1] / first) ** 2 + (u[2] / second) ** 2)
+        return laws.mu[i] * table_at(tables, laws.table[i], speed)
     normal, along = 0.0, 0.0
     for k in range(problem.rows.G.shape[2]):
         normal += problem.rows.G[n, 0, k] ** 2
@@ -128,13 +131,14 @@ def gather_problem(bodies, contacts, laws, tables, state, work, problem, time):
 
 
 @inner
-def apply_impulses(bodies, state, work, problem, n):
+def apply_impulses(bodies, contacts, state, work, problem, n):
     """Copy the impulses, slip speeds and twists from the solved problem of ``n`` contacts."""
     for j in range(n):
         i = work.chosen[j]
         for k in range(3):
             state.r[i, k] = problem.r[j, k]
-        state.slip[i] = np.sqrt(problem.u[j, 1] ** 2 + problem.u[j, 2] ** 2)
+        first, second = lengths(contacts, i)
+        state.slip[i] = np.sqrt((problem.u[j, 1] / first) ** 2 + (problem.u[j, 2] / second) ** 2)
     for body in range(bodies.mass.shape[0]):
         for k in range(6):
             state.v[body, k] = work.free[body, k]

@@ -232,6 +232,10 @@ class Side(TableModel):
     surface: FreeFormSurface | None = added("faces of any shape: { patches } or a B-spline surface")
     capsule: Capsule | None = added("a pin with round ends: { point, axis, half_length, radius }")
     box: Box | None = added("a box: { centre, half_lengths, ... }")
+    grain: Direction | None = added(
+        "the direction of the grain of this side's surface, in the body frame: along it acts friction, across it "
+        "friction_across"
+    )
 
     @cached_property
     def kind(self) -> str:
@@ -249,6 +253,8 @@ class Side(TableModel):
         if len(given) != 1:
             has = " and ".join(given) or "no primitive"
             raise refuse(f"has {has}; allowed: exactly one of {', '.join(PRIMITIVES)}; keep one")
+        if self.grain is not None and self.kind in FLATS:
+            check_perpendicular(self.primitive.normal, self.grain, ("normal", "grain"))
         return self
 
 
@@ -258,6 +264,10 @@ class Contact(PairLaw):
     a: Side = Field(description="one side: { body, and one primitive, such as point, arc or plane }")
     b: Side = Field(description="the other side: { body, and one primitive }")
     offset: Length = Field(default=0.0, description="a skin subtracted from the gap")
+    friction_across: Annotated[PositiveNumber | None, Quantity("number")] = added(
+        "the coefficient of friction across the grain of a side, a number > 0; default: the material's, unless "
+        "friction is given"
+    )
     friction_over_speed: FrictionOverSpeed | None = added(
         "what friction is multiplied with, over the sliding speed: { table }; default: the material's, unless friction "
         "or static_friction is given; else 1"
@@ -292,6 +302,28 @@ class Contact(PairLaw):
     def sides(self) -> tuple[Side, Side]:
         """The two sides in the order of a supported pair, such as (arc, plane)."""
         return (self.a, self.b) if f"{self.a.kind}-{self.b.kind}" in (*PAIRS, *SEVERAL) else (self.b, self.a)
+
+    @property
+    def grained(self) -> Side | None:
+        """The side that has a grain."""
+        return next((side for side in (self.a, self.b) if side.grain is not None), None)
+
+    @model_validator(mode="after")
+    def _has_one_grain(self) -> Self:
+        if self.grained is None:
+            if self.friction_across is not None:
+                text = "across what? allowed: with the grain of a side; add a grain = [x, y, z] to a or b, or remove it"
+                raise refuse(text, key="friction_across", value=self.friction_across)
+            return self
+        if self.a.grain is not None and self.b.grain is not None:
+            text = "side a has a grain, too; allowed: one of the two; keep that of the rougher surface"
+            raise refuse(text, key="b.grain", value=list(self.b.grain))
+        if hollow := {"ring", "socket"} & {self.a.kind, self.b.kind}:
+            text = f"a {hollow.pop()} has no direction in its surface where its partner is in the middle; allowed: "
+            text += "none; remove it and friction_across, or write a cylinder or bore with spheres or arcs"
+            key = "a.grain" if self.grained is self.a else "b.grain"
+            raise refuse(text, key=key, value=list(self.grained.grain or ()))
+        return self
 
     @model_validator(mode="after")
     def _fits(self) -> Self:

@@ -21,15 +21,11 @@ from pydantic_core import PydanticCustomError
 
 from engine.errors import Fault, MechanismError
 from engine.mechanism.base import (
-    Friction,
     Name,
-    NonNegative,
     Number,
-    Restitution,
     TableModel,
     Vector,
     added,
-    check_one_at_rest,
     check_static,
     optional,
 )
@@ -56,6 +52,7 @@ from engine.mechanism.keys.key_paths import (
     with_formulas,
 )
 from engine.mechanism.loads import Damper, Force, FrictionOverSpeed, Motion, Rotation, Spring, Torque
+from engine.mechanism.material_pairs import MOST_ACROSS, Material
 from engine.mechanism.materials import REFERENCE, expansion_of
 from engine.mechanism.quantities import Quantity, UnitSystem, fits, quantity_of, quantity_with_unit
 from engine.mechanism.references import pair_between, reference_faults
@@ -77,35 +74,6 @@ from engine.mechanism.simulation import Phase, Simulation
 AnyJoint = Annotated[
     Revolute | Cylindrical | Prismatic | Spherical | Fixed | Planar | Bushing | Beam, Field(discriminator="type")
 ]
-
-
-class Material(TableModel):
-    """The contact law of a pair of materials."""
-
-    between: tuple[Name, Name] | None = optional(
-        'the materials of the two bodies, in any order, such as ["steel", "plastic"]; where no joint or '
-        "contact between them names a pair, this one holds"
-    )
-    friction: Friction = Field(description="the coefficient of friction, a number >= 0")
-    static_friction: Friction | None = added(
-        "the coefficient of friction until the contact slides, a number >= friction; default: friction"
-    )
-    restitution: Restitution = Field(default=0.0, description="the coefficient of restitution, from 0 to 1")
-    friction_over_speed: FrictionOverSpeed | None = added(
-        "what friction is multiplied with, over the sliding speed: { table }; default: 1"
-    )
-    rolling_friction: Annotated[NonNegative | None, Quantity("length")] = added(
-        "the largest moment of a contact against rolling per normal force, a length >= 0; default: 0"
-    )
-    spinning_friction: Annotated[NonNegative | None, Quantity("length")] = added(
-        "the largest moment of a contact about its normal per normal force, a length >= 0; default: 0"
-    )
-
-    @model_validator(mode="after")
-    def _static_holds_more(self) -> Self:
-        check_static(self.static_friction, self.friction)
-        check_one_at_rest(self)
-        return self
 
 
 class Mechanism(TableModel):
@@ -257,6 +225,25 @@ class Mechanism(TableModel):
                     except PydanticCustomError as error:
                         yield Fault((table, name, "static_friction"), str(error), pair.static_friction)
 
+    def grain_faults(self) -> Iterator[Fault]:
+        """Yield what has a grain and no friction across it, or the other way round, or two that hardly compare."""
+        for name, joint in self.joints.items():
+            if not joint.ideal and self.friction_across(joint) is not None:
+                text = f"missing; materials.{self._pair_of(joint)} differs along and across a grain, and a joint has "
+                yield Fault(("joints", name, "friction"), f"{text}none; allowed: a number >= 0; give it its own")
+        for name, contact in self.contacts.items():
+            along, across, side = self.contact_law(contact)[0], self.friction_across(contact), contact.grained
+            if side is None and across is not None:
+                text = f"missing; materials.{self._pair_of(contact)} differs along and across a grain; allowed: "
+                text += "[x, y, z], the direction in the frame of its body; add it to the side that has the grain"
+                yield Fault(("contacts", name, "a", "grain"), text)
+            elif side is not None and across is None:
+                text = "missing; a side has a grain; allowed: a number > 0; add it, or remove the grain"
+                yield Fault(("contacts", name, "friction_across"), text)
+            elif across is not None and not across / MOST_ACROSS <= along <= across * MOST_ACROSS:
+                text = f"too far from {along:g} along the grain; allowed: a {MOST_ACROSS:g}th to {MOST_ACROSS:g} times "
+                yield Fault(("contacts", name, "friction_across"), f"{text}that; correct one of the two", across)
+
     def response_units(self) -> dict[str, str]:
         """Return the unit of every response, by name."""
         return {name: self._quantity(name).unit(self.units) for name in self.responses}
@@ -330,6 +317,11 @@ class Mechanism(TableModel):
             given = self._material_of(pair).static_friction
         return max(self.contact_law(pair)[0], given or 0.0)
 
+    def friction_across(self, pair: Joint | Contact) -> float | None:
+        """Return the coefficient of friction across the grain, its own or its material's; None without any."""
+        own: float | None = getattr(pair, "friction_across", None)
+        return self._material_of(pair).friction_across if own is None and pair.friction is None else own
+
     def friction_over_speed(self, pair: Joint | Contact) -> FrictionOverSpeed | None:
         """Return what friction is multiplied with over the sliding speed: its own table or its material's, if any."""
         own: FrictionOverSpeed | None = getattr(pair, "friction_over_speed", None)
@@ -345,9 +337,13 @@ class Mechanism(TableModel):
 
     def _material_of(self, pair: Joint | Contact) -> Material:
         """Return the pair of materials that it names, or that of its bodies; one without friction if there is none."""
-        bodies = [self.bodies[side.body].material for side in pair.sides]
-        name = pair.material or pair_between(bodies, {n: material.between for n, material in self.materials.items()})
+        name = self._pair_of(pair)
         return self.materials[name] if name else Material(friction=0.0)
+
+    def _pair_of(self, pair: Joint | Contact) -> str | None:
+        bodies = [self.bodies[side.body].material for side in pair.sides]
+        between = {name: material.between for name, material in self.materials.items()}
+        return pair.material or pair_between(bodies, between)
 
     def stretch(self, body: str) -> float:
         """Return the factor of all lengths of a body: 1 at 20 degC without growth (ISO 1)."""
@@ -468,7 +464,8 @@ def mechanism_from(data: dict[str, Any], source: str) -> Mechanism:
         raise refused(source, faults + references, count + len(references)) from None
     formulas = dict(formulas_in(Place(mechanism), data))
     mechanism = mechanism.with_tables({}, formulas)
-    if faults := [*mechanism.parameter_faults(), *mechanism.quantity_faults(), *mechanism.static_friction_faults()]:
+    found = (mechanism.parameter_faults, mechanism.quantity_faults, mechanism.static_friction_faults)
+    if faults := [fault for find in (*found, mechanism.grain_faults) for fault in find()]:
         raise refused(source, faults, len(faults))
     return mechanism
 

@@ -225,6 +225,7 @@ def contact_forces(trajectory: Trajectory, instants: Sequence[int]) -> tuple[Arr
     within = (0.0 if trajectory.settings["scheme"] == "moreau_jean" else trajectory.settings["theta"]) * step
     sign = np.where(contacts.a < len(order), 1.0, -1.0)
     sign[contacts.kind >= ROLLING] = 0.0  # moments
+    contacts.grain[:, 4:] = 1.0  # the file has impulses along unit tangents
     histories = [trajectory.contacts[name] for name in assembly.contact_names]
     points, forces = np.zeros((2, len(instants), len(sign), 3))
     since = instants[0]

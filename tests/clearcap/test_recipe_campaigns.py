@@ -47,6 +47,14 @@ CASES = {
         "way",
         lambda rows: 0.1**2 / (2 * 5 / 7 * 0.00981 * rows["arm"] / 5),
     ),
+    "grain": (
+        {
+            "along": between("contacts.rub.friction", 0.2, 0.3),
+            "across": between("contacts.rub.friction_across", 0.3, 0.4),
+        },
+        "drag",
+        lambda rows: 4.00981 * np.hypot(0.8 * rows["along"], 0.6 * rows["across"]),
+    ),
     "stribeck": (
         {"friction": between("materials.oiled.friction", 0.9, 1.1)},
         "speed",
@@ -57,7 +65,7 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_every_run_of_500_is_ok(name, tmp_path):
-    """Boxes, capsules and cylinders; friction that depends on the speed, and that of a ball that rolls out."""
+    """Boxes, capsules and cylinders; friction over the speed and along a grain, and that of a ball that rolls out."""
     variables, response, expected = CASES[name]
     campaign = {
         "format": 1,

@@ -51,6 +51,7 @@ from engine.kernels.contact_geometry.gears import on_flank
 from engine.kernels.contact_geometry.rounds import beside, rim_passes_by
 from engine.kernels.contact_geometry.solids import box, section
 from engine.kernels.couplings import coupled_gap
+from engine.kernels.grain import lay_along_grain, lengths
 from engine.kernels.model import (
     ARC_PLANE,
     BOXES,
@@ -98,6 +99,15 @@ def find_contacts(contacts, x, R, gap, point, frame):
 @inner
 def find_contact(contacts, x, R, i, point, frame):
     """Write contact i's point and frame at the pose (x, R); return its gap."""
+    gap = _touching(contacts, x, R, i, point, frame)
+    if contacts.grain.shape[0] > 0:
+        lay_along_grain(contacts, R, i, frame[i])
+    return gap
+
+
+@inner
+def _touching(contacts, x, R, i, point, frame):
+    """Write contact i's point, and its frame without a grain; return its gap."""
     kind = contacts.kind[i]
     if kind == RING_BORE:
         return ring_in_bore(contacts, x, R, i, point[i], frame[i])
@@ -128,12 +138,13 @@ def find_contact(contacts, x, R, i, point, frame):
 def about_contact(contacts, i, kind, point, frame):
     """Write point and axes of what resists rolling or spinning: those of its contact, which comes before it."""
     p = contacts.partner[i]
+    first, second = lengths(contacts, p)
     for k in range(3):
         point[i, k] = point[p, k]
         frame[i, 0, k] = frame[i, 2, k] = 0.0
         frame[i, 1, k] = frame[p, 0, k]
         if kind == ROLLING:
-            frame[i, 1, k], frame[i, 2, k] = frame[p, 1, k], frame[p, 2, k]
+            frame[i, 1, k], frame[i, 2, k] = frame[p, 1, k] / first, frame[p, 2, k] / second
     return 0.0
 
 
