@@ -95,7 +95,7 @@ def _neighbours(e: Array, most: int) -> tuple[float, float]:
 
 
 def _carriers(effect: Array) -> float:
-    """Return the number of samples that carry the variance of an effect."""
+    """Return the number of samples that carry the variance of an effect, or of a residual."""
     square = (effect - effect.mean()) ** 2
     total = float(square.sum())
     return total * total / float(square @ square) if total > 0 else float(effect.size)
@@ -143,6 +143,7 @@ class Effects:
     share_error: Array  # standard error
     unexplained: Array  # share of the variance that is not a sum of functions of single variables, shape (m,)
     unexplained_error: Array
+    residual_carriers: Array  # number of samples that carry the unexplained share, shape (m,)
     curve_x: Array  # evenly spaced from the 5th to the 95th percentile of each variable, shape (k, points)
     curve: Array  # ``E[y | x_i]`` there minus the mean of y, in standard deviations of y, shape (m, k, points)
     swing_error: Array  # of ``max - min`` of the curve, in standard deviations of y, shape (m, k)
@@ -169,13 +170,14 @@ def effects(
     share, unexplained = np.zeros((1 + groups, m, k)), np.zeros((1 + groups, m))
     curve = np.zeros((1 + groups, m, k, CURVE_POINTS))
     by_ranks, missed, carriers = np.zeros((m, k), np.bool_), np.zeros((m, k)), np.zeros((m, k))
+    residual_carriers = np.zeros(m)
     points, some = sums.basis(curve_x.T), x[:MOST_ROWS]
     values, z = sums.basis(some), ((y - y.mean(axis=0)) / y.std(axis=0))[:MOST_ROWS]
     parts = sums.without_each()
     for d in np.unique(degree):
         at = np.flatnonzero(degree == d)
         together = least_squares(parts, np.arange(1 + k * d))
-        unexplained[:, at] = unexplained_share(parts, together, np.arange(1 + k * d))[:, at]
+        unexplained[:, at] = unexplained_share(sums, parts, together, np.arange(1 + k * d))[:, at]
         effect = np.zeros((k, some.shape[0], at.size))
         for i in range(k):
             own = sums.basis.columns(i, int(d))
@@ -186,6 +188,8 @@ def effects(
             curve[:, at, i] = np.einsum("gxc,gcm->gmx", shape, b)
             effect[i] = values[:, own] @ b[0]
         residual = z[:, at] - (effect.sum(axis=0) if independent else effect)  # of each variable if fitted alone
+        left = z[:, at] - values[:, : 1 + k * d] @ together[0][:, at]
+        residual_carriers[at] = [_carriers(e) for e in left.T]
         for (j, r), i in product(enumerate(at), range(k)):
             e = residual[:, j] if independent else residual[i, :, j]
             found = rank_based(some[:, i], effect[i, :, j], e, z[:, r], group[:MOST_ROWS])
@@ -206,6 +210,7 @@ def effects(
         share_error=jackknife_error(share),
         unexplained=unexplained[0],
         unexplained_error=jackknife_error(unexplained),
+        residual_carriers=residual_carriers,
         curve_x=curve_x,
         curve=curve[0],
         swing_error=jackknife_error(swing),
@@ -219,11 +224,16 @@ def best_columns(sums: Sums, candidates: Sequence[NDArray[np.intp]]) -> NDArray[
     """Return the first candidate set of columns with the smallest error on left-out groups, for each response."""
     rest, errors = sums.without_each(), []
     for columns in candidates:
-        b = least_squares(rest, columns)[1:]
-        gram, cross = sums.bb[:, columns[:, None], columns], sums.by[:, columns]
-        errors.append(np.sum(sums.yy - 2 * np.sum(b * cross, axis=1) + np.sum(b * (gram @ b), axis=1), axis=0))
+        errors.append(_left_out(sums, least_squares(rest, columns), columns))
     rounding = _SAME_ERROR * sums.yy.sum(axis=0)
     return np.asarray(np.argmax(np.array(errors) <= np.min(errors, axis=0) + rounding, axis=0))
+
+
+def _left_out(sums: Sums, b: Array, columns: NDArray[np.intp]) -> Array:
+    """Return the sum of squared errors on each group of rows, by the coefficients without it; shape (m,)."""
+    rest = b[1:]
+    gram, cross = sums.bb[:, columns[:, None], columns], sums.by[:, columns]
+    return np.asarray(np.sum(sums.yy - 2 * np.sum(rest * cross, axis=1) + np.sum(rest * (gram @ rest), axis=1), axis=0))
 
 
 def least_squares(parts: Sums, columns: NDArray[np.intp]) -> Array:
@@ -259,8 +269,16 @@ def _variance_of(parts: Sums, own: NDArray[np.intp], b: Array) -> Array:
     return np.asarray(np.sum(b * (covariance @ b), axis=1))
 
 
-def unexplained_share(parts: Sums, b: Array, columns: NDArray[np.intp]) -> Array:
-    """Return the ratio of residual to total variance, each with its degrees of freedom; shape (g, m)."""
+def unexplained_share(sums: Sums, parts: Sums, b: Array, columns: NDArray[np.intp]) -> Array:
+    """Return the share of the variance that a regression leaves, of all rows and without each group; shape (1 + g, m).
+
+    Rows far out weigh most in a fit, and a curved response is off by most there: their residuals are too small by more
+    than the degrees of freedom say. The mean of the squared residual and of the squared error on left-out groups,
+    about ``(1 - h) s^2`` and ``s^2 / (1 - h)`` for a row of variance s^2 and leverage h, is right for each row.
+    """
     n = parts.rows[:, None]
     residual = np.maximum(parts.yy - np.sum(b * parts.by[:, columns], axis=1), 0.0)
-    return np.asarray(residual / np.maximum(n - columns.size, 1.0) / (variance(parts) * n / (n - 1)))
+    freed = residual * n / np.maximum(n - columns.size, 1.0)
+    whole = (residual[0] + _left_out(sums, b, columns)) / 2
+    freed *= np.divide(whole, freed[0], out=np.ones_like(whole), where=freed[0] > 0)
+    return np.asarray(freed / n / (variance(parts) * n / (n - 1)))

@@ -122,10 +122,10 @@ def _worths(x: Array, y: Array, group: NDArray[np.intp], orders: Orders, subsets
     for choice in np.unique(chosen):
         at, columns = np.flatnonzero(chosen == choice), candidates[choice]
         single = columns[(members[columns] & (members[columns] - 1)) == 0]
-        additive[:, at] = unexplained_share(parts, least_squares(parts, single), single)[:, at]
+        additive[:, at] = unexplained_share(sums, parts, least_squares(parts, single), single)[:, at]
         for subset in subsets:
             own = columns[(members[columns] & ~subset) == 0]
-            worth[subset][:, at] = 1 - unexplained_share(parts, least_squares(parts, own), own)[:, at]
+            worth[subset][:, at] = 1 - unexplained_share(sums, parts, least_squares(parts, own), own)[:, at]
     return worth, additive
 
 

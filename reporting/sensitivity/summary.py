@@ -38,7 +38,6 @@ from reporting.sensitivity.influence import (
     measure,
     needed_errors,
     response_verdict,
-    share_interval,
     varies,
     with_shapley,
     with_total_effect,
@@ -49,6 +48,9 @@ from reporting.sensitivity.reject_attribution import reject_attribution, reject_
 from reporting.sensitivity.repeatability import Repeatability
 from reporting.sensitivity.shapley_effects import JointEffects
 from reporting.sensitivity.total_order import TotalOrder
+
+# In `studies.coverage` the interval of a share carried by fewer misses more than one in twenty, all of them too low.
+_FEWEST_OF_INTERACTIONS = 100
 
 
 @dataclass(frozen=True)
@@ -88,12 +90,16 @@ def split(share: float, half: float, known: Known) -> Unexplained:
     """Return an unexplained share, whose interval has the half width `half`, split into its parts."""
     # The squared distance to each end of the rest's interval is the sum of the squared distances of both shares (method
     # of variance estimates recovery: their errors are independent, because repeats are separate runs).
-    interval = share_interval(share, half)
+    # A few samples far out carry much of it, so that estimates far below the true share are more frequent than ones far
+    # above: upwards the interval is that of the share's logarithm, up to twice the share.
+    relative = min(half / share, 2.0) if share > 0 else 2.0
+    above = half * math.expm1(relative) / relative if relative > 0 else 0.0
+    interval = as_share(share - half), as_share(share + above)
     if known.scatter is None:
         return Unexplained(share, interval)
     scatter, (low, high) = known.scatter
     rest = share - scatter
-    ends = as_share(rest - math.hypot(half, high - scatter)), as_share(rest + math.hypot(half, scatter - low))
+    ends = as_share(rest - math.hypot(half, high - scatter)), as_share(rest + math.hypot(above, scatter - low))
     return Unexplained(share, interval, scatter, (low, high), as_share(rest), ends)
 
 
@@ -226,6 +232,8 @@ def _response(
     if together is not None:
         unexplained = min(unexplained, float(together.interaction[0]))
         error = max(error, float(together.interaction_error[0]))
+    carriers = float(shares.residual_carriers[at])
+    error = max(error, abs(unexplained) / math.sqrt(carriers))  # the jackknife's own error is large if these are few
     left_over = split(unexplained, quantile * error, known)
     totals = without_scatter(known.totals, known, quantile) if isinstance(known.totals, TotalOrder) else None
     scatter = left_over.scatter or 0.0
@@ -256,6 +264,7 @@ def _response(
         notes=(
             *notes,
             *(() if totals else _by_products(measures, at, confidence)),
+            *_of_few(left_over, carriers),
             *_notes(measures, at, left_over, known),
             *_only_correlated(influences),
             *_interacting(influences, totals, confidence),
@@ -360,6 +369,13 @@ def _carried(influences: tuple[Influence, ...]) -> tuple[str, ...]:
         if i.carriers is not None and i.carriers < FEWEST_CARRIERS and (i.first_order or 0.0) >= CRITICAL_SHARE / 2
     ]
     return (*((jumps,) if ranks else ()), *few)
+
+
+def _of_few(found: Unexplained, carriers: float) -> tuple[str, ...]:
+    """Return that a share of interactions of a percent or more rests on few samples."""
+    if carriers >= _FEWEST_OF_INTERACTIONS or found.most_interactions < CRITICAL_SHARE / 10:
+        return ()
+    return (f"About {max(round(carriers), 1)} samples determine the share of interactions: rarer ones may raise it.",)
 
 
 def _why_nothing(y: Array, variables: int) -> str:

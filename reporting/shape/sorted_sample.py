@@ -73,6 +73,13 @@ class Ties:
             for i in found
         )
 
+    @property
+    def step(self) -> float:
+        """The step to which the values are rounded; 0 if most of them differ from all others."""
+        if 2 * self.values.size > self.counts.sum():
+            return 0.0
+        return float(np.median(np.diff(self.values)))
+
     def spread(self) -> Array:
         """Return the values; equal ones are spread evenly over the range that rounds to them."""
         if self.values.size == self.counts.sum():

@@ -7,6 +7,9 @@ as good as the best contributes an interval of more than the stated confidence, 
 
 Where a tail ends abruptly, as that of a cut distribution does, the families, whose tails are smooth, have too large a
 share beyond a limit near the end: such a side has no largest Z-score and no smallest share.
+
+Values that are rounded coarsely do not show where within half a step of a limit the share beyond it begins: intervals
+cover limits half a step nearer and farther.
 """
 
 import math
@@ -97,7 +100,10 @@ _CUT = (
     "than too small, and an interval has no upper end."
 )
 _UNDEFINED = "No family that the values allow defines this index, so an interval is missing."
+_ROUNDED = "The values are rounded to steps of {:.1g} sigma: intervals allow for limits half a step nearer and farther."
 METHODS = ("percentile", "z_score")
+# Steps of rounded values, in sigmas, above which their limits are moved: below it changes a ppm by less than a tenth.
+_COARSE = 0.1
 
 
 def supported_indices(
@@ -116,14 +122,21 @@ def supported_indices(
         "ppm_range": (min(expected), max(expected)) if disagree else None,
     }
     ordered = finite_in_order(x)
-    sample = bin_sample(ties(ordered).spread(), BINNED)
+    tied = ties(ordered)
+    sample, step = bin_sample(tied.spread(), BINNED), tied.step / float(np.std(ordered))
+    moves = (-tied.step / 2, tied.step / 2) if step > _COARSE else (0.0,)
     limited = {name: end for name, end in (("ppl", lsl), ("ppu", usl)) if end is not None}
     cut = {
         name for name, is_cut in zip(("ppl", "ppu"), abrupt_ends(ordered), strict=True) if is_cut and name in limited
     }
     parts = [
-        _without_ends(_intervals(fit, sample, lsl, usl, _within(fit, fits, confidence)), cut, limited.keys())
+        _without_ends(
+            _intervals(fit, sample, less(lsl, move), less(usl, -move), _within(fit, fits, confidence)),
+            cut,
+            limited.keys(),
+        )
         for fit in candidates
+        for move in moves
     ]
     ppm = _union(part["ppm"] for part in parts)
     results = []
@@ -134,7 +147,8 @@ def supported_indices(
         }
         ends = [interval[1] for interval in over_all.values() if interval is not None]
         said = (_CUT,) if cut and point.method == "z_score" else (_ENDS_BEFORE,) if None in ends else ()
-        notes = (*point.notes, *said)
+        rounded = (_ROUNDED.format(step),) if len(moves) > 1 else ()
+        notes = (*point.notes, *rounded, *said)
         notes = (*notes, _UNDEFINED) if len(ends) < len(names) else notes
         results.append(replace(point, **found, **over_all, ppm_expected_interval=ppm, notes=notes))
     return tuple(results)

@@ -289,6 +289,7 @@ def causes(production: Production, n: int, rng: np.random.Generator) -> Iterator
     warned = any("too narrow" in note for note in found.notes)
     for influence, value in zip(found.influences, first_order(production), strict=True):
         yield Statement(f"first order, {influence.variable}", influence.first_order_interval, value, warned)
+    warned |= any("share of interactions: rarer" in note for note in found.notes)
     yield Statement("interactions", found.interaction_interval, 1 - sum(first_order(production)), warned)
 
 

@@ -186,6 +186,29 @@ def test_two_jumps_together_are_an_interaction():
     assert np.mean((ends[:, 0] <= truth) & (truth <= ends[:, 1])) >= 0.95 - 3 * (0.95 * 0.05 / 25) ** 0.5
 
 
+def test_interactions_where_a_response_bends_in_its_tails():
+    """exp(0.5 z) of a weighted sum z: the share is exact; three errors of 60 samples, and no bias."""
+    weights = np.sqrt([0.5, 0.3, 0.2])
+    truth = 1 - np.sum(np.expm1(0.25 * weights**2)) / np.expm1(0.25)
+    found = of_independent(normals, lambda x: np.exp(0.5 * x @ weights), 500, 60)
+    ends = np.array([each.interaction_interval for each in found])
+    assert np.mean((ends[:, 0] <= truth) & (truth <= ends[:, 1])) >= 0.95 - 3 * (0.95 * 0.05 / 60) ** 0.5
+    assert np.mean([each.interaction for each in found]) == pytest.approx(truth, rel=0.06)
+
+
+def test_a_share_of_interactions_that_few_samples_determine_is_called_so():
+    """Rare values add to it in a tail of power 3, and in a long exponential one; not in a short one, nor where no tail is."""
+
+    def said(curve, n):
+        ones = of_independent(normals, lambda x: curve(x @ np.sqrt([0.6, 0.4, 0.0])), n, 5)
+        return sum(any("determine the share of interactions" in note for note in one.notes) for one in ones)
+
+    assert said(lambda z: stats.t.ppf(stats.norm.cdf(z), 3), 5000) == 5
+    assert said(np.exp, 500) == 5
+    assert said(lambda z: np.exp(0.3 * z), 5000) == 0
+    assert said(np.tanh, 5000) == said(lambda z: z, 50) == 0
+
+
 def test_what_acts_in_products_only_is_critical_and_what_does_not_act_is_not():
     """A product, whose first-order indices are 0; the g function (Saltelli, Sobol' 1995), with three idle inputs."""
     for each in of_independent(normals, lambda x: x[:, 0] * x[:, 1] + 0.3 * x[:, 2], 500, 5):

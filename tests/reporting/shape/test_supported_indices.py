@@ -47,6 +47,22 @@ def test_a_family_that_nothing_else_contests_gives_one_number() -> None:
     assert low < 0.5e6 * stats.norm.sf(2 / 0.7) < high < 10 * low
 
 
+def test_limits_of_coarsely_rounded_values_may_be_half_a_step_off() -> None:
+    """Steps of half a sigma, 5,000 values: the share beyond a limit between two steps, whichever way it was rounded."""
+    z = np.random.default_rng(8).normal(size=5000)
+    rounded = np.round(z / 0.5) * 0.5
+    for limit in (3.3, 3.5, 3.7):
+        _, found = supported_indices(rounded, fit_families(rounded, limits=(None, limit)), None, limit)
+        low, high = found.ppm_expected_interval
+        # the largest step within the limit, and the edge between it and the next
+        edge = np.floor(limit / 0.5) * 0.5 + 0.25
+        assert low < 1e6 * stats.norm.sf(edge) < high
+        assert any("steps of 0.5 sigma" in note for note in found.notes)
+    fine = np.round(z / 0.05) * 0.05
+    _, found = supported_indices(fine, fit_families(fine, limits=(None, 3.5)), None, 3.5)
+    assert not any("sigma:" in note for note in found.notes)
+
+
 def test_a_large_offset_costs_no_digits() -> None:
     """At mean 1e9 and sigma 1e-3 the interval had no width."""
     z = np.random.default_rng(2).normal(size=400)
