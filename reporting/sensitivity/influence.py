@@ -88,7 +88,7 @@ def measure(
         std=y.std(axis=0),
         linear=regression,
         rank=rank(x, y, confidence),
-        effects=alone,
+        effects=replace(alone, residual_carriers=np.minimum(alone.residual_carriers, count)),
         groups=sums.rows.size,
         independent=independent,
         shapley=None if independent else shapley_effects(x, y, group, regression.inflation),

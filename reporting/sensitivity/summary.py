@@ -372,10 +372,13 @@ def _carried(influences: tuple[Influence, ...]) -> tuple[str, ...]:
 
 
 def _of_few(found: Unexplained, carriers: float) -> tuple[str, ...]:
-    """Return that a share of interactions of a percent or more rests on few samples."""
+    """Return that a share of interactions of a percent or more rests on few samples, or lots."""
     if carriers >= _FEWEST_OF_INTERACTIONS or found.most_interactions < CRITICAL_SHARE / 10:
         return ()
-    return (f"About {max(round(carriers), 1)} samples determine the share of interactions: rarer ones may raise it.",)
+    return (
+        f"Few samples or lots (about {max(round(carriers), 1)}) determine the share of interactions: rarer ones may"
+        " raise it.",
+    )
 
 
 def _why_nothing(y: Array, variables: int) -> str:

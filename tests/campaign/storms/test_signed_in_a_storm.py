@@ -183,7 +183,7 @@ def test_storm_of_signatures(seed, tmp_path):
         storm.over.set()
         for thread in threads:
             thread.join(PATIENCE)
-        assert not storm.faults, storm.faults
+        assert not storm.faults, f"{storm.faults}\n{storm.server.said()}"
         print(storm.counts)
         _check(storm)
     finally:

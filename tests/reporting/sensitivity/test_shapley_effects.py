@@ -197,7 +197,7 @@ def test_interactions_where_a_response_bends_in_its_tails():
 
 
 def test_a_share_of_interactions_that_few_samples_determine_is_called_so():
-    """Rare values add to it in a tail of power 3, and in a long exponential one; not in a short one, nor where no tail is."""
+    """Rare values add to it in a tail of power 3 and in a long exponential one, but not in a short one."""
 
     def said(curve, n):
         ones = of_independent(normals, lambda x: curve(x @ np.sqrt([0.6, 0.4, 0.0])), n, 5)
