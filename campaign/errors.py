@@ -46,6 +46,15 @@ class StoreError(CampaignError):
     exit_code = 4
 
 
+class FileGone(CampaignError, FileNotFoundError):
+    """A file is not in the store; mostly because its campaign was deleted or changed while it was read."""
+
+
+def file_gone(name: str) -> FileGone:
+    """Return the error for a file that is not in the store."""
+    return FileGone(f"{name}: is not in the store; if its campaign was deleted or changed just now, look again")
+
+
 # Errors caused by the path that the user named; any other error comes from the disk or its server.
 WRONG_PLACES = (PermissionError, FileNotFoundError, FileExistsError, NotADirectoryError, IsADirectoryError)
 WRONG_NAMES = (errno.ENAMETOOLONG, errno.ELOOP, errno.EINVAL)

@@ -19,7 +19,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from campaign.errors import StoreError
+from campaign.errors import StoreError, file_gone
 from campaign.plan_header import PlanHeader
 from campaign.store.files.files import Files, OddFile
 from campaign.store.layout import manifest_name
@@ -359,7 +359,7 @@ def read_part_file(files: Files, plan: PlanHeader, batch: int) -> "tuple[Part, p
 def _read_checked(files: Files, plan: PlanHeader, name: str) -> tuple[bytes, list[Part]]:
     span = batches_of(name, plan)
     if span is None:
-        raise FileNotFoundError(name)
+        raise file_gone(name)
     content = _read_content(files, plan, name)
     return content, check(plan, content, *span, merged=name.startswith("rows"))
 

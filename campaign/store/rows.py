@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from campaign.errors import StoreError
+from campaign.errors import StoreError, file_gone
 from campaign.plan_header import PlanHeader
 from campaign.store.files.files import Files
 from campaign.store.parts import (
@@ -70,7 +70,7 @@ def read_batch(files: Files, plan: PlanHeader, batch: int) -> "pa.Table":
             reasons.append(f"{name} {error}")
     if reasons:
         raise BadPart("; ".join(reasons))
-    raise FileNotFoundError(part_name(plan, batch))
+    raise file_gone(part_name(plan, batch))
 
 
 def stream(

@@ -10,7 +10,7 @@ from copy import copy
 from itertools import chain, count
 from typing import TYPE_CHECKING, TypeVar
 
-from campaign.errors import SpecError, StoreError, unwritable
+from campaign.errors import SpecError, StoreError, file_gone, unwritable
 from campaign.processes import STORE
 from campaign.store.files.local import LocalFolder
 from campaign.store.files.private_url import PrivateUrl
@@ -208,7 +208,7 @@ class Files:
                 missing = isinstance(error, FileNotFoundError | NotADirectoryError) and what in ("read", "moved")
                 if missing and (pause is None or not must_exist):
                     outage.end()  # the store has answered
-                    raise FileNotFoundError(name) from self._cause(error)
+                    raise file_gone(name) from self._cause(error)
                 fault = f"store {self.url}: {name or 'its folder'} cannot be {what} ({self._reason(error)})"
                 if pause is None or (self._backend.is_final(error) and not missing):
                     raise StoreError(f"{fault}; {self._remedy}") from self._cause(error)

@@ -47,6 +47,11 @@ def test_bug_is_no_refusal():
     ("job", "status", "words"),
     [
         (strange_jobs.answer_by_a_bug, 500, "a bug in the program (KeyError)"),
+        (
+            strange_jobs.read_what_was_deleted,
+            409,
+            "is not in the store; if its campaign was deleted or changed just now",
+        ),
         (strange_jobs.answer_too_much, 422, "its answer has more than 64 MiB; ask for less"),
     ],
 )

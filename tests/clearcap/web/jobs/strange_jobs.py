@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from campaign.errors import SpecError, StoreError
+from campaign.store import open_store
 from tests.until import until
 
 
@@ -87,6 +88,11 @@ def bug():
 def answer_by_a_bug(*_):
     """Fail for a reason of the program's own, whatever is asked."""
     bug()
+
+
+def read_what_was_deleted(asked, *_):
+    """Read a file of a campaign that somebody has deleted meanwhile."""
+    open_store(asked.store).files.read("deleted-1234567890/plan.json")
 
 
 def answer_too_much(*_):
