@@ -30,10 +30,19 @@ class Block:
         start = -room.ctypes.data % LINE
         self._memory = room[start : start + len(room) - LINE]
         self.arrays = _copy(arrays, self._memory, [0])
+        self._twin: Block | None = None
 
     def assign(self, other: "Block") -> None:
         """Overwrite all numbers with those of another block of the same arrays."""
         self._memory[:] = other._memory
+
+    def twin(self) -> "Block":
+        """Return a copy of this block. It is made once, and each call writes the present numbers into it."""
+        if self._twin is None:
+            self._twin = Block(self.arrays)
+        else:
+            self._twin.assign(self)
+        return self._twin
 
 
 def copied(arrays: Any) -> Any:

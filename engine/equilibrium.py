@@ -6,7 +6,6 @@ the pose alone, not on its history. Ideal joints and prescribed motions can carr
 """
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -33,6 +32,8 @@ SHORT = 1e-3  # of a step: the free motion of an unloaded step then has no gyros
 class PoseAtRest:
     """A mechanism at rest, held in copies of the arrays that its run writes, so that the run can continue undisturbed.
 
+    The next pose of the same assembly overwrites these copies.
+
     ``reported`` holds the values of the responses, with the contact forces ``forces``, (nc, 3), as determined by the
     pose; None if none in the friction cones were found that balance the loads. ``moves`` is true if responses measure
     contact forces, no forces balance the loads, and bodies start to move, with the twists in ``assembly``.
@@ -42,8 +43,7 @@ class PoseAtRest:
 
     def __init__(self, mechanism: Mechanism, assembly: Assembly, phase: int, t: float, h: float) -> None:
         """Find the contact forces that balance the loads of ``phase`` at time ``t``; the last step had length ``h``."""
-        # no copy of the friction problem: each step of the run writes it anew
-        self.assembly = replace(assembly, state=copied(assembly.state), work=copied(assembly.work))
+        self.assembly = assembly.copied()
         sim = mechanism.simulation
         self.forces = forces_at_rest(self.assembly, phase, sim.step, touching_gap(mechanism), t)
         self.ambiguous, state = False, self.assembly.state

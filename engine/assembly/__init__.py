@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,12 +57,21 @@ class Assembly:
     problem: FrictionArrays  # of a step
     contact_names: tuple[str, ...]  # in the order of the arrays, as are row_names
     row_names: tuple[str, ...]
-    travel: float = 0.0  # of the body that the assembly step moves farthest, see `start.free_start`; 0: as drawn
+    travel: float  # of the body that the assembly step moves farthest, see `start.free_start`; 0: as drawn
+    block: Block  # in which all these arrays lie
 
     @property
     def arrays(self) -> RunArrays:
         """The arrays, as passed to the time loop."""
         return RunArrays(self.model, self.state, self.work, self.problem)
+
+    def copied(self) -> "Assembly":
+        """Return the same with a copy of what a run writes, but not of the friction problem, which each step writes.
+
+        The next call overwrites the copy.
+        """
+        copy: RunArrays = self.block.twin().arrays
+        return replace(self, state=copy.state, work=copy.work)
 
     def numbers(self, contact: str) -> list[int]:
         """Return the numbers of a contact by its name: one, or if it is one of two profiles, those of its points."""
@@ -118,7 +127,7 @@ def _at_start(mechanism: Mechanism, prepared: _Prepared, copy: Block) -> Assembl
     if arrays.model.loads.bushings.body.size:  # their forces at the start
         model, work = arrays.model, arrays.work
         apply_loads(model.bodies, model.loads, model.time_laws, arrays.state, 0, 0.0, work.wrench, work.vectors)
-    return Assembly(*arrays, prepared.contact_names, prepared.row_names, travel)
+    return Assembly(*arrays, prepared.contact_names, prepared.row_names, travel, copy)
 
 
 @cached

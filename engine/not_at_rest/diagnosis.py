@@ -13,8 +13,9 @@ from engine.arrays import Array
 from engine.assembly import Assembly
 from engine.assembly.frames import order_bodies
 from engine.kernels import time_loop
+from engine.kernels.links import link_bodies
 from engine.kernels.loads import apply_loads
-from engine.kernels.model import SLIDE, Control, Model
+from engine.kernels.model import SLIDE, Control
 from engine.kernels.time_loop import Course
 from engine.loop import Cancel
 from engine.mechanism import Mechanism
@@ -272,47 +273,16 @@ def in_flight(assembly: Assembly, pose: Assembly, least: float) -> Array:
     """
     model, velocity, forces = assembly.model, assembly.state.v[:-1, :3], pose.work.wrench[:-1, :3]
     found = np.zeros_like(assembly.state.v)
-    links = (assembly.state.r[:, 0] > 0.0) & ((model.contacts.bound == 0.0) | (assembly.state.slip <= least))
-    for group in _groups(model, links):
+    root = np.empty(len(found), np.int64)
+    link_bodies(model, assembly.state, least, root)
+    for number in np.unique(root[root != root[-1]]):
+        group = root[:-1] == number
         mean = np.average(velocity[group], axis=0, weights=model.bodies.mass[group])
         load = _allowed(pose, group, forces[group].sum(axis=0))
         falls = np.linalg.norm(load) > LOADED * np.abs(forces[group]).max()
         if falls or (np.linalg.norm(mean) > least and _goes_on(pose, group, mean)):
             found[:-1, :3][group] = mean if mean.any() else load
     return found
-
-
-def _groups(model: Model, loaded: Chosen) -> Iterator[Chosen]:
-    """Yield the groups of bodies, each a mask of shape (nb,), that are linked to one another and not to the ground.
-
-    Neither an ideal joint to the ground, which may allow the motion, nor a spring that only pushes is such a link.
-    """
-    rows, loads, contacts, ground = model.bilateral, model.loads, model.contacts, len(model.bodies.mass)
-    ends = np.stack([rows.a, rows.b], axis=1)
-    between = rows.acts & (ends != ground).all(axis=1)
-    driven = ends[rows.acts & (rows.law >= 0)].ravel()
-    linked = np.concatenate(
-        [
-            ends[between],
-            np.stack([driven, np.full_like(driven, ground)], axis=1),
-            loads.spring_body[loads.spring_law[:, 4] <= 0.0],
-            loads.bushings.body[(loads.bushings.law[:, :3] > 0.0).any(axis=1)],
-            np.stack([contacts.a, contacts.b], axis=1)[loaded],
-        ]
-    )
-    parent = list(range(ground + 1))  # in the tree of each group
-
-    def root(body: int) -> int:
-        while parent[body] != body:
-            parent[body] = parent[parent[body]]
-            body = parent[body]
-        return body
-
-    for a, b in linked.tolist():
-        parent[root(a)] = root(b)
-    roots = np.array([root(body) for body in range(ground + 1)])
-    for number in np.unique(roots[roots != roots[ground]]):
-        yield roots[:-1] == number
 
 
 def _slides(pose: Assembly, group: Chosen) -> Array:
