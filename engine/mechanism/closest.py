@@ -71,6 +71,7 @@ RECIPES = {
     "A hook on a hook, a tooth on a tooth": "hook claw pawl latch",
     "A press fit": "press_fit interference",
     "Stick and slip": "static stick kinetic stribeck",
+    "Friction along and across a grain": "anisotropic orthotropic transverse lengthwise crosswise",
     "A bushing": "bushing mount rubber silent_block grommet",
     "A leaf spring": "beam leaf flex cantilever rod_spring",
     "The effort, stroke and energy of a push-button": "effort stroke actuation operating_force",

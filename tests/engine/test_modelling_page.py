@@ -57,10 +57,11 @@ def test_an_unknown_key_or_type_names_its_recipe():
     data = block_on_floor()
     data["contacts"]["corner_0"]["a"]["mesh"] = {"file": "a.stl"}
     data["joints"] = {"pair": {"type": "gear"}}
+    data["contacts"]["corner_1"]["anisotropic_friction"] = [0.2, 0.5]
     data["solenoids"] = {}
     with pytest.raises(MechanismError) as caught:
         made(data)
-    for title in ("What there is none of yet", "A pair of gears", "A solenoid or magnet"):
+    for title in ("What there is none of yet", "A pair of gears", "A solenoid or magnet", "Friction along"):
         assert f'see "{title}' in str(caught.value)
 
 
