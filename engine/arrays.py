@@ -52,11 +52,13 @@ def copied(arrays: Any) -> Any:
 
 def _size(arrays: Any) -> int:
     """Return the size of all arrays in bytes, each rounded up to whole cache lines."""
-    return -(-arrays.nbytes // LINE) * LINE if isinstance(arrays, np.ndarray) else sum(map(_size, arrays))
+    return -(-arrays.nbytes // LINE) * LINE if isinstance(arrays, np.ndarray) else sum(map(_size, arrays or ()))
 
 
 def _copy(arrays: Any, room: NDArray[np.uint8], at: list[int]) -> Any:
     """Copy arrays into the buffer ``room`` from offset ``at[0]`` on; the offset is advanced."""
+    if arrays is None:
+        return None
     if not isinstance(arrays, np.ndarray):
         return arrays._make([_copy(part, room, at) for part in arrays])
     copy: Any = np.ndarray(arrays.shape, arrays.dtype, room, at[0])

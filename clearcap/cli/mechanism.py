@@ -203,6 +203,7 @@ def check(mechanism: MechanismName, json: Json = False) -> None:
         document = {"mechanism": loaded.name, "ok": True, "digest": loaded.digest(), "warnings": warnings}
         document["questions"] = [asdict(question) for question in questions]
         document["geometry"] = loaded.geometry.model_dump(exclude_none=True) if loaded.geometry else None
+        document["meshes"] = {key: mesh.model_dump() for key, mesh in loaded.meshes.items()}
         document["surfaces"] = surfaces
         print_json(document)
         return
@@ -224,7 +225,7 @@ def plain(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write it to a file: .toml.")] = None,
     json: Json = False,
 ) -> None:
-    """Write a mechanism with plain numbers in the place of the geometry that it takes from a CAD file."""
+    """Write a mechanism with plain numbers in the place of the geometry that it takes from files."""
     from engine.cad_import.proposed_text import questions_of_file
 
     loaded = named_mechanism(mechanism)

@@ -69,11 +69,13 @@ def _named_files(tables: Mapping[str, Any], folder: Path) -> dict[str, bytes]:
 
 
 def _plain(path: Path, content: bytes) -> bytes:
-    """Return a mechanism file, with references to a CAD file, which a server does not open, replaced by numbers."""
+    """Return a mechanism file, with references to files, which a server does not open, replaced by numbers."""
+    from engine.mechanism.meshes.resolved_meshes import names_meshes
     from engine.platform.toml_file import UnfitToml, parse_toml
 
     try:
-        names_geometry = "cad" in parse_toml(content)
+        tables = parse_toml(content)
+        names_geometry = "cad" in tables or names_meshes(tables)
     except UnfitToml:  # the server reports the fault
         return content
     if not names_geometry:

@@ -121,6 +121,7 @@ def _points(mechanism: Mechanism, body: str) -> Iterator[tuple[float, float, flo
 
 CORNERS = 49  # points of a full circle
 EDGE_POINTS = 9  # points of an edge of a patch
+MOST_EDGES, LEAST_EDGES = 600, 12  # of all convex pieces of a mesh, and of one
 MOST_LINES = 120  # between the patches of a surface
 ALONG = 1e-6  # sine of the angle between an axis and the line of sight; below it, any direction across the axis will do
 
@@ -152,6 +153,8 @@ def primitive_polylines(kind: str, primitive: Any, facing: Array) -> list[Array]
         return _extruded(primitive)
     if kind == "surface":
         return _surface(primitive)
+    if kind == "mesh":
+        return [line for solid in primitive.polyhedra for line in _edges(solid, len(primitive.polyhedra))]
     return [circle(primitive.centre, facing, primitive.radius)]  # sphere, socket, ring
 
 
@@ -190,6 +193,14 @@ def _surface(primitive: Any) -> list[Array]:
     border, between = primitive.outline
     edges = np.concatenate([border, between[:: 1 + len(between) // MOST_LINES]])
     return list(np.einsum("ai,nij->naj", basis(np.linspace(0, 1, EDGE_POINTS))[0], edges))
+
+
+def _edges(solid: Any, pieces: int) -> list[Array]:
+    """Return the edges of one of several convex pieces, the sharpest; its share of the lines that are drawn at most."""
+    n = solid.faces[:, :3]
+    cosine = np.einsum("ij,ij->i", n[solid.edges[:, 2]], n[solid.edges[:, 3]])
+    sharpest = np.argsort(cosine, kind="stable")[: max(MOST_EDGES // pieces, LEAST_EDGES)]
+    return [solid.corners[edge[:2]] for edge in solid.edges[np.sort(sharpest)]]
 
 
 def _curve_points(piece: Any) -> Array:

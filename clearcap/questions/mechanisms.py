@@ -27,6 +27,7 @@ from engine import (
 from engine.mechanism import Mechanism, get_value, library_names, unit_of
 from engine.mechanism.geometry.cad_table import DrawnBody, DrawnFace, DrawnGap, GeometryCertificate
 from engine.mechanism.keys.values import settable_numbers
+from engine.mechanism.meshes.certificate import MeshCertificate
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.surfaces.surface import FreeFormSurface
 from engine.platform.child import Child, ChildEnded, Limits, Send
@@ -97,12 +98,14 @@ def mechanism_warnings(mechanism: Mechanism) -> list[dict[str, Any]]:
 
 
 def geometry_lines(mechanism: Mechanism) -> list[str]:
-    """Return one line for the CAD file and one for each body, joint, face and gap from it; empty without a CAD file."""
+    """Return one line for each mesh, for the CAD file, and for each body, joint, face and gap from it."""
     certificate = mechanism.geometry
-    if certificate is None:
-        return []
     length, mass = mechanism.unit("length"), mechanism.unit("mass")
+    meshes = [f"{key}: {_mesh(mesh, length)}" for key, mesh in mechanism.meshes.items()]
+    if certificate is None:
+        return meshes
     return [
+        *meshes,
         f"geometry from {certificate.file}, sha256 {certificate.sha256[:12]}",
         *(f"  {key}: {_body(body, length, mass)}" for key, body in certificate.bodies.items()),
         *(
@@ -113,6 +116,16 @@ def geometry_lines(mechanism: Mechanism) -> list[str]:
         *(f"  {key}: {_face(face, length)}" for key, face in certificate.faces.items()),
         *(f"  {key}: {_gap(gap, length)}" for key, gap in certificate.gaps.items()),
     ]
+
+
+def _mesh(mesh: MeshCertificate, length: str) -> str:
+    """Return the certificate of a mesh in words."""
+    pieces = "1 convex piece" if mesh.pieces == 1 else f"{mesh.pieces} convex pieces"
+    return (
+        f"{pieces} with {mesh.corners} corners for the {mesh.triangles} triangles of {mesh.file}, sha256"
+        f" {mesh.sha256[:12]}; the mesh is at most {mesh.mesh_to_pieces:.3g} {length} from the surface of the pieces,"
+        f" which is at most {mesh.pieces_to_mesh:.3g} {length} from the mesh; allowed {mesh.allowed:.3g} {length}"
+    )
 
 
 def geometry_provenance(certificate: GeometryCertificate | None) -> dict[str, str]:

@@ -15,6 +15,7 @@ import numpy as np
 from engine.arrays import Array, Integers
 from engine.assembly.frames import BodyFrame, tangent
 from engine.assembly.grain import grain_arrays, grain_of
+from engine.assembly.hulls import Hull, hull_arrays
 from engine.assembly.surface_trees import joined_surfaces, surface_tree
 from engine.assembly.table_cache import cached
 from engine.kernels.model import (
@@ -139,6 +140,7 @@ class Pair:
     pieces: Array = field(default_factory=NO_PIECES.copy)  # (np, PIECE) of side b's profile; empty: it has none
     play: tuple[str, str] | None = None  # the joint and its face, for `joints.add_play`
     surface: Surfaces | None = None  # the tree of side b, if that is a surface
+    hulls: tuple[Hull, Hull] | None = None  # the convex polyhedra of both sides, of the kind HULLS
     bound: float = 0.0  # the largest force or torque of friction in an ideal joint; 0: friction follows from the law
     breakaway: float = 0.0  # the same of a joint that sticks
     partner: int = -1  # number of the contact whose rolling or spinning it resists; -1: none
@@ -252,6 +254,7 @@ def contact_arrays(
         piece=np.concatenate([NO_PIECES, *blocks.values()]),
         surface=root,
         surfaces=surfaces,
+        hulls=hull_arrays([pair.hulls for pair in pairs]),
         coupling=np.array([pair.coupling for pair in pairs], np.int64),
         flank=np.array([pair.flank for pair in pairs], float),
         terms=terms,

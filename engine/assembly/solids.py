@@ -15,10 +15,11 @@ from engine.arrays import Array
 from engine.assembly.contacts import KINDS, NO_PIECES, Pair, geometry_row, profile_pieces, row_b
 from engine.assembly.frames import BodyFrame, tangent
 from engine.assembly.grain import grain_of
+from engine.assembly.hulls import Hull, ball_around, hulls_of, skin_of
 from engine.assembly.table_cache import cached
 from engine.kernels.contact_geometry.boxes import CORNERS
 from engine.kernels.contact_geometry.rounds import CROSSING, EDGE, LAST, LOWER
-from engine.kernels.model import BOXES, ROUNDS
+from engine.kernels.model import BOXES, HULLS, ROUNDS
 from engine.mechanism.contacts import OUTLINES, SEVERAL, Side
 from engine.mechanism.models import Mechanism
 
@@ -36,6 +37,7 @@ class _Feature:
     rows: tuple[Array, Array]
     skin: float
     pieces: Array
+    hulls: tuple[Hull, Hull] | None = None
 
 
 def solid_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterator[Pair]:
@@ -59,6 +61,7 @@ def solid_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterator[
                 grain=grain_of(mechanism, contact, frames),
                 table=f"contacts.{name}",
                 pieces=feature.pieces,
+                hulls=feature.hulls,
             )
 
 
@@ -66,7 +69,9 @@ def solid_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterator[
 def _features(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[str, list[_Feature]]:
     """Return, by contact, what can touch of its two sides."""
     return {
-        name: [
+        name: [*_of_hulls(*contact.sides, contact.a, frames)]
+        if "mesh" in (contact.a.kind, contact.b.kind)
+        else [
             *(f for way in WAYS for f in _on_solid(way, {"a": contact.a, "b": contact.b}, frames)),
             *_of_lines(contact.a, contact.b, frames),
             *_of_boxes(contact.a, contact.b, frames),
@@ -152,6 +157,22 @@ def _of_boxes(a: Side, b: Side, frames: dict[str, BodyFrame]) -> Iterator[_Featu
         row = rows[0].copy()
         row[12] = feature
         yield _Feature(f"corner{feature}" if feature else "nearest", BOXES, ("a", "b"), (row, rows[1]), 0.0, NO_PIECES)
+
+
+def _of_hulls(one: Side, other: Side, a: Side, frames: dict[str, BodyFrame]) -> Iterator[_Feature]:
+    """Yield the nearest points of each two convex pieces, and the corners of what their faces have in common."""
+    way = WAYS[0] if one is a else WAYS[1]
+    skin = skin_of(one, frames[one.body])
+    own, others = (hulls_of(side, frames[side.body]) for side in (one, other))
+    last = 0 if one.kind in ("point", "sphere") else CORNERS
+    for (i, hull), (j, partner) in product(enumerate(own), enumerate(others)):
+        middle, radius = ball_around(hull)
+        of = ".".join(f"piece_{key}{k}" for key, k, n in zip(way, (i, j), (own, others), strict=True) if len(n) > 1)
+        for feature in range(last + 1):
+            row = geometry_row(middle, np.zeros(6), radius, 0.0, radius + ball_around(partner)[1] + skin, feature)
+            name = f"{of}.corner{feature}" if feature else f"{of}.nearest"
+            sides = row, geometry_row(ball_around(partner)[0])
+            yield _Feature(name.lstrip("."), HULLS, way, sides, skin, NO_PIECES, (hull, partner))
 
 
 def _line(side: Side, frame: BodyFrame) -> Array:

@@ -9,9 +9,9 @@ import numpy as np
 
 from engine.jit import inner
 from engine.kernels.contact_geometry.boxes import boxes_apart
-from engine.kernels.contact_geometry.gaps import find_contact, passes_by
+from engine.kernels.contact_geometry.gaps import find_contact, hull_budget, passes_by
 from engine.kernels.contact_geometry.rounds import axes_apart
-from engine.kernels.model import BOXES, COUPLED, GEARS, ROUNDS
+from engine.kernels.model import BOXES, COUPLED, GEARS, HULLS, ROUNDS
 
 
 @inner
@@ -53,6 +53,8 @@ def update_contact(contacts, state, broad_phase, sites, i, gap):
         broad_phase.budget[i] = axes_apart(contacts, x, state.R, i)
     elif contacts.kind[i] == BOXES:
         broad_phase.budget[i] = boxes_apart(contacts, x, state.R, i)
+    elif contacts.kind[i] == HULLS:
+        broad_phase.budget[i] = hull_budget(contacts.hulls, contacts, x, state.R, i)
     a, b = contacts.a[i], contacts.b[i]
     d0, d1, d2 = x[a, 0] - x[b, 0], x[a, 1] - x[b, 1], x[a, 2] - x[b, 2]
     lever = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2) + contacts.reach[i]

@@ -13,9 +13,9 @@ from engine.jit import by_address
 
 RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ON_ROUND, ON_DISC, ON_RECTANGLE, ON_BALL = range(8)
 ON_TURNED, ON_EXTRUDED, ON_SURFACE = range(8, 11)
-GEARS, ROUNDS, BOXES = range(11, 14)
-COUPLED, JOINT_FRICTION, ONE_WAY = range(14, 17)  # of ideal joints, the last two always closed
-ROLLING, SPINNING = range(17, 19)  # what a contact resists besides sliding
+GEARS, ROUNDS, BOXES, HULLS = range(11, 15)
+COUPLED, JOINT_FRICTION, ONE_WAY = range(15, 18)  # of ideal joints, the last two always closed
+ROLLING, SPINNING = range(18, 20)  # what a contact resists besides sliding
 POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME, CONTACT_IMPULSE = range(9)
 MOTION_TRAVEL, MOTION_WORK, IMPULSE, MEAN, BOUNCES, FRICTION_WORK, BUSHING_FORCE, BUSHING_TORQUE = range(9, 17)
 # impulses of a whole step, divided by its length
@@ -50,6 +50,24 @@ class Surfaces(NamedTuple):
     slab: np.ndarray  # (np, 3, 5) a box aligned with the piece: for each of its axes, axis, middle, half the side
     coefficient: np.ndarray  # (np, 3, 4, 4) of x^i y^j in each coordinate, |x| and |y| <= 1
     bound: np.ndarray  # (np, 9) bounds of derivatives, see `engine.assembly.surface_trees`
+
+
+@by_address
+class Hulls(NamedTuple):
+    """Convex polyhedra, from the centre of mass, and the pairs of them that can touch; see hulls.py."""
+
+    span: np.ndarray  # (nh, 6) int64, of each: its first corner, face and edge, each with the one after its last
+    vertex: np.ndarray  # (nv, 3)
+    face: np.ndarray  # (nf, 4) normal out of it, and its height along that over the centre of mass
+    ring: np.ndarray  # (nf, 2) int64, the first of the corners around it, and the one after the last; equal: unbounded
+    corner: np.ndarray  # (nk,) int64, numbers of corners of its polyhedron, counterclockwise around each face
+    edge: np.ndarray  # (ne, 4) int64, numbers of its two corners and two faces, those of its polyhedron; -1: none
+    of: np.ndarray  # (nc, 2) int64, the polyhedra of a contact's sides; -1: none
+    pair: np.ndarray  # (nc,) int64, its row of what was found
+    found: np.ndarray  # (np, FOUND) pose of a pair, and what was found there; written by the run, as are the next
+    placed: np.ndarray  # (largest nv, 3) workspace
+    placed_face: np.ndarray  # (largest nf, 4)
+    polygon: np.ndarray  # (2, corners, 3)
 
 
 @by_address
@@ -98,6 +116,7 @@ class Contacts(NamedTuple):
     damping: np.ndarray  # (nc,) force per closing speed, of contacts with a stiffness
     hertz: np.ndarray  # (nc,) bool, whether the stiffness is the force per penetration to the power 3/2
     surfaces: Surfaces
+    hulls: Hulls | None  # None: there are none, and kernels are compiled without them
 
 
 @by_address

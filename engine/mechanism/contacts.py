@@ -32,6 +32,7 @@ from engine.mechanism.base import (
 )
 from engine.mechanism.closed_profiles import Extruded, Piece, Turned
 from engine.mechanism.loads import FrictionOverSpeed
+from engine.mechanism.meshes.mesh import Mesh
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.surfaces.surface import FreeFormSurface
 
@@ -190,7 +191,7 @@ class Rectangle(TableModel):
 
 PRIMITIVES = (
     *("point", "sphere", "arc", "ring", "cylinder", "bore", "socket", "plane", "disc", "rectangle"),
-    *("turned", "extruded", "surface", "capsule", "box"),
+    *("turned", "extruded", "surface", "capsule", "box", "mesh"),
 )
 
 SOLIDS = ("cylinder", "bore", "sphere", "socket", "turned", "extruded", "surface", "capsule", "box")
@@ -208,6 +209,7 @@ OUTLINES = "extruded-extruded"
 SEVERAL = (
     *(OUTLINES, "capsule-plane", "capsule-capsule", "capsule-cylinder", "cylinder-cylinder"),
     *("box-plane", "box-box", "capsule-box", "cylinder-box"),
+    *("point-mesh", "sphere-mesh", "capsule-mesh", "box-mesh", "mesh-plane", "mesh-mesh"),
 )
 """The pairs that touch at several points at once; in a run each is a contact of its own."""
 
@@ -236,6 +238,7 @@ class Side(TableModel):
         "the direction of the grain of this side's surface, in the body frame: along it acts friction, across it "
         "friction_across"
     )
+    mesh: Mesh | None = added("a solid from a mesh file, in convex pieces: { file, ... }")
 
     @cached_property
     def kind(self) -> str:
@@ -370,6 +373,8 @@ def _partners(kind: str) -> list[str]:
 
 def _remedy(kinds: set[str]) -> str:
     """Return what to write instead of a pair that is not supported."""
+    if "mesh" in kinds:
+        return "for a pin write a capsule, for a face the plane it lies in, for any other solid a mesh of it"
     if "extruded" in kinds and kinds & {"cylinder", "capsule", "box"}:
         return "for a pin or a block write its section as an extruded profile, or for a pin a sphere in its middle"
     if kinds <= set(FLATS):

@@ -12,6 +12,7 @@ from engine.faults.file_kinds import content_kind, other_kind, unreadable_kind
 from engine.faults.toml_positions import with_positions
 from engine.mechanism.faults import did_you_mean
 from engine.mechanism.geometry.resolved_geometry import UnresolvedGeometry, with_geometry
+from engine.mechanism.meshes.resolved_meshes import UnresolvedMesh, names_meshes, with_meshes
 from engine.mechanism.models import Mechanism, mechanism_from, python_data, refused
 from engine.platform.regular_file import read_regular_file
 from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml, text_bytes
@@ -115,10 +116,16 @@ def _checked(content: bytes, source: str, folder: Path | None) -> Mechanism:
 
 
 def _plain(data: dict[str, Any], source: str, folder: Path | None) -> dict[str, Any]:
-    """Return the tables of a file with references to CAD geometry replaced by numbers."""
-    if "geometry" in data:
-        text = "written by clearcap where a mechanism names a CAD file, not by hand; remove it"
-        raise refused(source, [Fault(("geometry",), text)], 1)
+    """Return the tables of a file with references to CAD geometry and to meshes replaced by numbers."""
+    for key, what in (("geometry", "a CAD file"), ("meshes", "mesh files")):
+        if key in data:
+            text = f"written by clearcap where a mechanism names {what}, not by hand; remove it"
+            raise refused(source, [Fault((key,), text)], 1)
+    try:
+        if folder is not None and names_meshes(data):
+            data = with_meshes(data, folder)
+    except UnresolvedMesh as error:
+        raise refused(source, error.faults, len(error.faults)) from None
     if "cad" not in data:
         return data
     if folder is None:

@@ -54,6 +54,7 @@ from engine.mechanism.keys.key_paths import (
 from engine.mechanism.loads import Damper, Force, FrictionOverSpeed, Motion, Rotation, Spring, Torque
 from engine.mechanism.material_pairs import MOST_ACROSS, Material
 from engine.mechanism.materials import REFERENCE, expansion_of
+from engine.mechanism.meshes.certificate import MeshCertificate
 from engine.mechanism.quantities import Quantity, UnitSystem, fits, quantity_of, quantity_with_unit
 from engine.mechanism.references import pair_between, reference_faults
 from engine.mechanism.responses import (
@@ -128,6 +129,11 @@ class Mechanism(TableModel):
     geometry: GeometryCertificate | None = optional(
         "what came from a CAD file, and how exactly; written by load_mechanism"
     )
+    meshes: dict[str, MeshCertificate] = Field(
+        default={},
+        exclude_if=lambda value: not value,
+        description="how far the pieces of meshes are from these; written by load_mechanism",
+    )
 
     _formulas: dict[str, str] = PrivateAttr(default_factory=dict)
 
@@ -160,7 +166,9 @@ class Mechanism(TableModel):
 
         Expressions stay expressions, geometry of a CAD file is numbers, and what was not given is not there.
         """
-        return self.model_dump(mode="json", by_alias=True, exclude_unset=True, exclude_none=True, exclude={"geometry"})
+        return self.model_dump(
+            mode="json", by_alias=True, exclude_unset=True, exclude_none=True, exclude={"geometry", "meshes"}
+        )
 
     def to_toml(self) -> str:
         """Return the text of the mechanism's file, without the comments of the one it was read from."""
@@ -424,7 +432,7 @@ class Mechanism(TableModel):
         Comments, spaces and the order of keys inside a table do not matter. The order of bodies, joints and contacts
         does, because the engine adds numbers up in this order. Of a CAD file only the numbers taken from it matter.
         """
-        data = self.model_dump(mode="json", by_alias=True, exclude={"geometry"})
+        data = self.model_dump(mode="json", by_alias=True, exclude={"geometry", "meshes"})
         return hashlib.sha256(json.dumps(data, separators=(",", ":"), ensure_ascii=True).encode()).hexdigest()
 
 

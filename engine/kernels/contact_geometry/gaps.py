@@ -17,6 +17,7 @@ ON_TURNED       a profile turned about an axis: axis point (0:3), axis (3:6), ta
 ON_EXTRUDED     a profile extruded along an axis: its origin (0:3), axis (3:6), u (6:9), half length (9)
 ROUNDS          a straight line: middle (0:3), direction (3:6), tangent (6:9), radius (9), half length (10)
 BOXES           a box: middle (0:3), third axis (3:6), first axis (6:9), half sides (9:12)
+HULLS           nothing: its convex polyhedron is in ``contacts.hulls``
 GEARS           gear or ring: point of its axis (0:3), axis (3:6), mark (6:9), base radius, < 0 for a ring (9)
 COUPLED         nothing: its terms are in ``contacts.terms``, see `kernels.couplings`
 ON_SURFACE      bicubic patches, in ``surfaces``: a place (0:3), two directions that fix T1 (3:6, 6:9)
@@ -28,7 +29,8 @@ SPINNING        the same of its contact's normal
 
 Side a: point, centre of an arc, or axis point of a cylinder (0:3); then normal or axis (3:6), middle or tangent
 (6:9), radius (9), half angle (10); of GEARS, mark (3:6), base radius (9), base pitch (10); of ROUNDS and BOXES, as side
-b, with the number of a feature (12), and of ROUNDS a depth (11). For the solids (seven kinds) a point is an arc of
+b, with the number of a feature (12), and of ROUNDS a depth (11); of HULLS a middle,
+radius (9), both sizes (11) and feature (12). For the solids (seven kinds) a point is an arc of
 radius 0. One of the outline of a profile has the direction out of its material (3:6), a depth (11), > 0, and the cosine
 of an angle (12): on the other profile, or no deeper in it, it presses only against a face that is opposite to such a
 direction to within this angle. Otherwise it would catch where a corner slides past another. Then the frame is zero, and
@@ -48,6 +50,7 @@ from engine.kernels.contact_geometry.arcs import nearest_on_arc
 from engine.kernels.contact_geometry.arcs_on_solids import on_profile, on_surface, pass_by
 from engine.kernels.contact_geometry.boxes import of_boxes
 from engine.kernels.contact_geometry.gears import on_flank
+from engine.kernels.contact_geometry.hulls import hulls_apart, of_hulls
 from engine.kernels.contact_geometry.rounds import beside, rim_passes_by
 from engine.kernels.contact_geometry.solids import box, section
 from engine.kernels.couplings import coupled_gap
@@ -58,6 +61,7 @@ from engine.kernels.model import (
     COUPLED,
     CYLINDER_PLANE,
     GEARS,
+    HULLS,
     ON_BALL,
     ON_EXTRUDED,
     ON_RECTANGLE,
@@ -123,6 +127,8 @@ def _touching(contacts, x, R, i, point, frame):
         return beside(contacts, x, R, i, point[i], frame[i])
     if kind == BOXES:
         return of_boxes(contacts, x, R, i, point[i], frame[i])
+    if kind == HULLS:
+        return on_hull(contacts.hulls, contacts, x, R, i, point[i], frame[i])
     if kind >= ROLLING:
         return about_contact(contacts, i, kind, point, frame)
     if kind >= COUPLED:
@@ -132,6 +138,22 @@ def _touching(contacts, x, R, i, point, frame):
     if depth > 0.0 and rim_passes_by(contacts, x, R, i, gap, point[i], frame[i]):
         return pass_by(world_point(x, R, contacts.a[i], contacts.geometry_a[i]), point[i], frame[i], abs(gap) + depth)
     return gap
+
+
+@inner
+def on_hull(hulls, contacts, x, R, i, point, frame):
+    """Find the contact of two convex polyhedra; without any, none of it is compiled."""
+    if hulls is None:
+        return np.inf
+    return of_hulls(contacts, x, R, i, point, frame)
+
+
+@inner
+def hull_budget(hulls, contacts, x, R, i):
+    """Return a lower bound of the distance of two convex polyhedra; without any, none of it is compiled."""
+    if hulls is None:
+        return np.inf
+    return hulls_apart(contacts, x, R, i)
 
 
 @not_inlined

@@ -15,6 +15,7 @@ from engine.mechanism.geometry.cad_table import (
     SELECTORS,
     CadTable,
 )
+from engine.mechanism.meshes.mesh import OF_A_BODY, MeshFile
 from engine.mechanism.models import Mechanism
 
 EXPRESSION = {
@@ -30,8 +31,8 @@ def mechanism_schema() -> dict[str, Any]:
     """Return the JSON Schema of the mechanism file; wherever a number is allowed, an expression is too."""
     schema = Mechanism.model_json_schema(by_alias=True)
     tables = schema["$defs"]
-    del schema["properties"]["geometry"]  # written by clearcap
-    for name in ("GeometryCertificate", "DrawnBody", "DrawnFace", "DrawnJoint", "DrawnGap"):
+    del schema["properties"]["geometry"], schema["properties"]["meshes"]  # written by clearcap
+    for name in ("GeometryCertificate", "DrawnBody", "DrawnFace", "DrawnJoint", "DrawnGap", "MeshCertificate"):
         del tables[name]
     _add_geometry(schema)
     for name, table in tables.items():
@@ -59,6 +60,7 @@ def _add_geometry(schema: dict[str, Any]) -> None:
             ],
             "description": DENSITY,
         },
+        "mesh": {**_table_of(MeshFile, tables), "description": OF_A_BODY},
     }
     for kind, model in SELECTORS.items():
         selector = _table_of(model, tables)["properties"][kind]
