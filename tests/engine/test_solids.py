@@ -5,6 +5,7 @@ import pytest
 
 from engine import simulate
 from engine.mechanism import set_values
+from tests.engine.kernels.test_hulls import block, mesh_of
 from tests.engine.small import FLOOR, GRAVITY, coordinates, made, small
 
 ALONG_Y = {"point": [0, 0, 0], "axis": [0, 1, 0]}
@@ -185,6 +186,9 @@ def on_a_slope(slope, friction, under):
     """Lay a box of 60 x 40 x 80 mm on a plane or on a large box, with gravity inclined towards x."""
     box, (a, b, c) = {"centre": [0, 0, 0], "half_lengths": list(HALF)}, np.square(HALF)
     floor = {"plane": FLOOR} if under == "plane" else {"box": {"centre": [0, 0, -0.5], "half_lengths": [2, 2, 0.5]}}
+    solid = {"box": box}
+    if under == "mesh":
+        solid, floor = mesh_of(block(*HALF)), mesh_of(block(2.0, 2.0, 0.5) - (0.0, 0.0, 0.5))
     return small(
         gravity=[GRAVITY * np.sin(slope), 0, -GRAVITY * np.cos(slope)],
         simulation={"step": 1e-3, "horizon": 0.3},
@@ -192,7 +196,7 @@ def on_a_slope(slope, friction, under):
             "ground": {"fixed": True},
             "block": {"mass": 0.6, "inertia": [0.2 * (b + c), 0.2 * (a + c), 0.2 * (a + b)], "origin": [0, 0, HALF[2]]},
         },
-        contacts={"lies": {"a": {"body": "block", "box": box}, "b": {"body": "ground", **floor}, "friction": friction}},
+        contacts={"lies": {"a": {"body": "block", **solid}, "b": {"body": "ground", **floor}, "friction": friction}},
         responses={
             **coordinates("block"),
             "force": {"type": "contact_force", "contact": "lies"},
@@ -201,7 +205,7 @@ def on_a_slope(slope, friction, under):
     )
 
 
-@pytest.mark.parametrize("under", ["plane", "box"])
+@pytest.mark.parametrize("under", ["plane", "box", "mesh"])
 def test_a_box_slides_down_a_slope(under):
     """Twice as steep as friction: g (sin - mu cos) t^2 / 2, flat, and with its weight across the slope."""
     run = simulate(made(on_a_slope(0.4, 0.2, under)), full_horizon=True)
@@ -211,7 +215,7 @@ def test_a_box_slides_down_a_slope(under):
     assert run.responses["tilt"] == pytest.approx(0.0, abs=1e-7)
 
 
-@pytest.mark.parametrize("under", ["plane", "box"])
+@pytest.mark.parametrize("under", ["plane", "box", "mesh"])
 def test_a_box_tips_over_its_edge_where_its_weight_is_beyond(under):
     """It rests up to a slope of 30 / 40; then m g (h sin - b cos) turns it about the edge: 4/3 m (b^2 + h^2)."""
     rests = simulate(made(on_a_slope(np.arctan(0.74), 2.0, under)))
@@ -275,3 +279,33 @@ def test_static_friction_holds_a_box(under):
     run = simulate(made(data))
     assert run.status == "ok", run.message
     assert run.responses["x"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_cube_of_a_mesh_rests_in_a_vee():
+    """Between two slopes of 30 and 60 degrees without friction each carries the weight's part along its normal."""
+    turn, half = np.pi / 6, 0.01
+    c, s = np.cos(turn), np.sin(turn)
+    cube, rotation = mesh_of(block(half, half, half)), np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    low = (block(0.1, 0.1, 0.05) - (0.0, 0.0, half + 0.05)) @ rotation.T
+    steep = (block(0.05, 0.1, 0.1) - (-half - 0.05, 0.0, 0.0)) @ rotation.T
+    data = small(
+        gravity=[0, 0, -GRAVITY],
+        bodies={
+            "ground": {"fixed": True},
+            "cube": {"mass": 0.5, "inertia": [3e-5] * 3, "axis": [0, 1, 0], "angle": turn},
+        },
+        contacts={
+            name: {"a": {"body": "cube", **cube}, "b": {"body": "ground", **side}, "friction": 0}
+            for name, side in (("low", mesh_of(low)), ("steep", mesh_of(steep)))
+        },
+        responses={
+            **coordinates("cube"),
+            **{name: {"type": "contact_force", "contact": name} for name in ("low", "steep")},
+        },
+    )
+    run = simulate(made(data))
+    assert run.status == "ok", run.message
+    assert run.responses["low"] == pytest.approx(0.5 * GRAVITY * c, rel=1e-6)
+    assert run.responses["steep"] == pytest.approx(0.5 * GRAVITY * s, rel=1e-6)
+    assert [run.responses[axis] for axis in "xyz"] == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
+    assert run.certificate.max_created_energy < 1e-9

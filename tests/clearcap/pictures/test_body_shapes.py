@@ -40,6 +40,7 @@ def test_outline_of_the_file_comes_first():
     [
         {"capsule": {"point": [0, 0, 0], "axis": [1, 0, 0], "radius": 0.1, "half_length": 0.2}},
         {"box": {"centre": [0, 0, 0], "half_lengths": [0.3, 0.1, 0.1]}},
+        {"mesh": {"pieces": [[[-0.3, 0, 0], [0.3, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]]}},
     ],
 )
 def test_a_solid_is_drawn_as_long_as_it_is(solid):

@@ -58,7 +58,7 @@ def drawn(kind: str, rng: np.random.Generator) -> tuple[dict[str, Any], Array, f
 def signed_distance(a: Array, b: Array) -> float:
     """Return the distance of two hulls by quadratic programming, or minus how far one must move to leave the other."""
     differences = (a[:, None] - b[None]).reshape(-1, 3)
-    _, residual = nnls(np.vstack([differences.T, np.ones(len(differences))]), np.array([0.0, 0.0, 0.0, 1.0]), 10_000)
+    _, residual = nnls(np.vstack([differences.T, np.ones(len(differences))]), np.array([0.0, 0.0, 0.0, 1.0]))
     if residual > 1e-7:  # the least |p|^2 + (1 - sum)^2 over all p = sum * point of the hull: d^2 / (1 + d^2)
         return float(residual / np.sqrt(1.0 - residual**2))
     return float(ConvexHull(differences).equations[:, 3].max())

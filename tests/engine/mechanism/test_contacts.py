@@ -32,6 +32,7 @@ SHAPES: dict[str, Any] = {
     },
     "capsule": {"point": [0, 0, 0], "axis": [0, 0, 1], "radius": 0.4, "half_length": 1},
     "box": {"centre": [0, 0, 0], "half_lengths": [0.4, 0.3, 0.2]},
+    "mesh": {"pieces": [[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]]},
     "surface": {"patches": [[[[x, y, 0] for y in range(4)] for x in range(4)]]},
 }
 
@@ -86,6 +87,7 @@ def test_every_pair_is_taken_in_both_orders_or_refused(first, second):
         remedy = "three points" if {first, second} <= set(FLATS) else ""
         remedy = "as an extruded profile" if "extruded" in (first, second) and {first, second} & SOLID else remedy
         remedy = "rings, circles" if {first, second} <= {"cylinder", "bore"} else remedy
+        remedy = "for a pin write a capsule" if "mesh" in (first, second) else remedy
         assert (remedy or "points, spheres or arcs") in line
 
 
