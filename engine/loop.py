@@ -69,13 +69,17 @@ def _extent(mechanism: Mechanism) -> float:
 
 def prepare(assembly: Assembly, control: Control) -> None:
     """Compile the time loop and the balance at rest, or load them from the cache, by calls that change nothing."""
-    if isinstance(run_to_end, Kernel) and not run_to_end.ready:
+    variant = assembly.model.contacts.hulls is None  # without meshes, kernels are compiled without what only these need
+    if isinstance(run_to_end, Kernel) and run_to_end.is_first_for(variant):
         nowhere = control._replace(horizon=0.0)
         run_to_end(assembly.arrays, nowhere, new_course(nowhere), np.zeros((1, 1)), 0, np.zeros(1, np.uint8))
-    if isinstance(hold_loads, Kernel) and not hold_loads.ready:  # the contacts' places were found at the start
+    if isinstance(hold_loads, Kernel) and hold_loads.is_first_for(
+        variant
+    ):  # the contacts' places were found at the start
         state, work = copied(assembly.state), copied(assembly.work)
         hold_loads(assembly.arrays._replace(state=state, work=work), 0, 0.0, control.step, -np.inf)  # no contacts
-    if isinstance(may_hold, Kernel) and not may_hold.ready and len(assembly.model.phases.duration) > 1:
+    phases = len(assembly.model.phases.duration)
+    if isinstance(may_hold, Kernel) and phases > 1 and may_hold.is_first_for(variant):
         state, work = copied(assembly.state), copied(assembly.work)
         may_hold(assembly.arrays._replace(state=state, work=work), 0, 0.0, control.step)
 

@@ -123,6 +123,7 @@ class Kernel:
         keep_on_disk(self.compiled)
         self.callee = inner(function)
         self._ready = False
+        self._variants: set[object] = set()
         update_wrapper(self, function)
 
     @property
@@ -130,6 +131,12 @@ class Kernel:
         """Whether its machine code is in memory."""
         self._ready = self._ready or bool(self.compiled.signatures)
         return self._ready
+
+    def is_first_for(self, variant: object) -> bool:
+        """Return whether it has not been asked yet for a variant of its arguments' types, whose code may be missing."""
+        known = variant in self._variants
+        self._variants.add(variant)
+        return not known
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the compiled kernel."""
