@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from campaign.spec.load import Campaign, load_campaign, load_campaign_text
     from campaign.store import Store, open_store
     from clearcap.client.remote_server import RemoteServer, connect
+    from clearcap.drawing import draw
     from clearcap.questions.calibration import calibrate_campaign
     from clearcap.questions.measured import capability_report, gauge_study, validate_campaign
     from clearcap.questions.monitoring import monitor_campaign
@@ -53,9 +54,9 @@ __all__ = [
     "Mechanism", "MechanismError", "NotAssemblable", "PooledResults", "Recording", "RemoteServer", "ReportError",
     "Results", "Run", "RunningCampaign", "SpecError", "Store", "StoreError", "TextPosition", "Tls", "Trajectory",
     "UnreachableError", "calibrate_campaign", "campaign_text", "capability", "capability_report", "check", "connect",
-    "gauge_study", "library_names", "load_campaign", "load_campaign_text", "load_mechanism", "load_mechanism_text",
-    "monitor_campaign",
-    "open_campaign", "open_store", "position_of", "read_trajectory", "report", "run_campaign", "set_values",
+    "draw", "gauge_study", "library_names", "load_campaign", "load_campaign_text", "load_mechanism",
+    "load_mechanism_text", "monitor_campaign", "open_campaign",
+    "open_store", "position_of", "read_trajectory", "report", "run_campaign", "set_values",
     "simulate", "submit_campaign", "validate_campaign",
 ]
 # fmt: on
@@ -63,6 +64,7 @@ __all__ = [
 # Where each name is imported from, if not from `engine`.
 _HOMES = {
     "clearcap.client.remote_server": ("RemoteServer", "connect"),
+    "clearcap.drawing": ("draw",),
     "campaign.cluster.cluster": ("Cluster", "Tls"),
     "campaign.coordinator.heartbeat": ("Heartbeat",),
     "campaign.errors": ("CampaignError", "SpecError", "StoreError", "UnreachableError"),

@@ -52,6 +52,12 @@ class Campaign:
     spec: CampaignSpec
     mechanism: Mechanism
 
+    def __repr__(self) -> str:
+        """Return name and size in a line; a specification has hundreds of keys."""
+        spec = self.spec
+        what = f"{spec.samples} samples, {len(spec.variables)} variables, limits of {len(spec.responses)} responses"
+        return f"<Campaign {spec.name}: {what}, mechanism {self.mechanism.name}>"
+
 
 def load_campaign(source: Source, *, samples: int | None = None, seed: int | None = None) -> Campaign:
     """Read and check a campaign.

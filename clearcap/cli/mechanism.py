@@ -10,7 +10,8 @@ from campaign.errors import SpecError
 from campaign.waits import counted
 from clearcap.cli.help_pages import Group
 from clearcap.cli.options import named_mechanism
-from clearcap.cli.output import PLOTS, Json, check_output, labelled, print_json, print_text, replacing, say
+from clearcap.cli.output import Json, labelled, print_json, print_text, say
+from clearcap.output_files import PLOTS, check_output, replacing
 
 if TYPE_CHECKING:
     from engine.cad_import.found_geometry import FoundGeometry

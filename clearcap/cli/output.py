@@ -3,28 +3,21 @@ r"""Print results to standard output, messages and progress to standard error; n
 Titles, names, messages and paths come from files, stores and options that others may have written. Characters that a
 terminal interprets, or that hide or reorder letters, are printed as escapes such as ``\x1b``. Rich, which takes a while
 to import, does not interpret texts as markup.
-
-Files that a user names are checked before the work begins, and written whole or not at all.
 """
 
 import json
 import logging
-import os
-import secrets
 import sys
-import tempfile
 import traceback
 import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
-from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from campaign.errors import SpecError, unwritable
 from campaign.json_values import json_values
 from campaign.waits import counted
 
@@ -146,41 +139,6 @@ def show_logs() -> None:
 class _MessageHandler(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         say(record.getMessage())  # above the progress bar if there is one
-
-
-# -- files that a user names -----------------------------------------------------------------------------------------
-
-PLOTS = (".png", ".svg", ".pdf")
-
-
-def check_output(option: str, path: Path, endings: tuple[str, ...]) -> None:
-    """Check that a file can be written; no file remains. Raises SpecError, or StoreError if the disk is at fault."""
-    if path.suffix not in endings:
-        raise SpecError(f"{option} {path}: unknown ending; allowed: {', '.join(endings)}; name a file with one of them")
-    if path.is_dir():
-        raise SpecError(f"{option} {path}: is a folder; name a file")
-    if not path.parent.is_dir():
-        raise SpecError(f"{option} {path}: no folder {path.parent}; make it, or name a file in another one")
-    try:
-        with tempfile.TemporaryFile(dir=path.parent):
-            pass
-    except OSError as error:
-        message = f"{option} {path}: not writable ({error.strerror}); name a file in a folder you may write to"
-        raise unwritable(message, error) from error
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside a file, with the same ending; at the end of the block it replaces the file."""
-    temporary = path.with_name(f"{path.stem}.{os.getpid()}-{secrets.token_hex(4)}.tmp{path.suffix}")
-    try:
-        yield temporary
-        os.replace(temporary, path)
-    except OSError as error:
-        message = f"{path}: cannot be written ({error.strerror or error}); free or repair the disk, then run again"
-        raise unwritable(message, error) from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 # -- the progress of a campaign --------------------------------------------------------------------------------------

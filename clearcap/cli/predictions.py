@@ -12,7 +12,6 @@ from campaign.errors import SpecError
 from clearcap.cli.options import CampaignId, Id, StoreUrl, on_cluster, opened_campaign
 from clearcap.cli.output import (
     Json,
-    check_output,
     console,
     display,
     labelled,
@@ -20,9 +19,9 @@ from clearcap.cli.output import (
     print_json,
     print_table,
     print_text,
-    replacing,
     say,
 )
+from clearcap.output_files import check_output, replacing
 
 if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster

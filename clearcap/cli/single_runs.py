@@ -12,14 +12,15 @@ import typer
 
 from campaign.errors import CampaignError, SpecError
 from clearcap.cli.options import CampaignId, StoreUrl, named_mechanism, opened_campaign
-from clearcap.cli.output import PLOTS, Json, check_output, print_json, print_table, print_text, replacing, say
+from clearcap.cli.output import Json, print_json, print_table, print_text, say
+from clearcap.output_files import ANIMATIONS, PLOTS, check_output, replacing
 
 if TYPE_CHECKING:
     from campaign.plan import Plan
     from engine import Run
     from engine.profile.step_times import StepTimes
 
-TRAJECTORIES, ANIMATIONS = (".h5", ".hdf5"), (".gif", ".html", ".mp4")
+TRAJECTORIES = (".h5", ".hdf5")
 
 
 @dataclass(frozen=True)
@@ -35,10 +36,7 @@ class RunFiles:
         return {kind: str(path) for kind, path in vars(self).items() if path}
 
     def check(self) -> None:
-        """Check, before the work begins, that the files can be written.
-
-        Raises the errors of `check_output`, and SpecError if an animation needs ffmpeg, which is not installed.
-        """
+        """Check, before the work begins, that the files can be written; raises the errors of `check_output`."""
         for option, path, endings in (
             ("--trajectory", self.trajectory, TRAJECTORIES),
             ("--plot", self.plot, PLOTS),
@@ -46,13 +44,6 @@ class RunFiles:
         ):
             if path:
                 check_output(option, path, endings)
-        if self.animation:
-            from clearcap.pictures.animation import can_write
-
-            if not can_write(self.animation.suffix):
-                raise SpecError(
-                    f"--animate {self.animation}: needs ffmpeg, which is not found; install it, or write .gif or .html"
-                )
 
     @contextmanager
     def recording(self) -> Iterator[Path | None]:
@@ -61,16 +52,14 @@ class RunFiles:
             trajectory = self.trajectory or (Path(folder) / "motion.h5" if self.plot or self.animation else None)
             yield trajectory
             if trajectory and (self.plot or self.animation):
-                from clearcap.pictures.animation import animate
-                from clearcap.pictures.run_figure import plot_run
+                from clearcap.drawing import draw_run
                 from engine import read_trajectory
 
                 recorded = read_trajectory(trajectory)
-                for path, draw in ((self.plot, plot_run), (self.animation, animate)):
-                    if path:
-                        say(f"drawing {path}")
-                        with replacing(path) as temporary:
-                            draw(recorded, temporary)
+                for path in filter(None, (self.plot, self.animation)):
+                    say(f"drawing {path}")
+                    with replacing(path) as temporary:
+                        draw_run(recorded, temporary)
 
 
 def simulate(

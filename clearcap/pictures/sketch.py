@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from clearcap.pictures.canvas import SketchCanvas, canvas_around
-from clearcap.pictures.shapes import body_shape
+from clearcap.pictures.scene import zigzag
+from clearcap.pictures.shapes import body_shape, linear_loads
 from clearcap.pictures.style import FORCE, INK, MUTED, PALETTE, file_metadata, hide_axes, styled
 from clearcap.pictures.view import View, choose_view, start_rotation
 from clearcap.pictures.zones import draw_zones
@@ -227,7 +228,8 @@ def _bodies(
     fixed = [name for name, body in mechanism.bodies.items() if body.fixed]
     seen = [view.project(p) for name, outline, lines in shapes for p in ([] if name in fixed else [outline]) + lines]
     ends = [view.project(np.array([m.start, m.end if m.kind in ("length", "span") else m.start])) for m in measured]
-    drawing = canvas_around(view, [p for p in seen if len(p)], ends)
+    springs = [np.array([_world(mechanism, e.body, e.point) for e in link]) for link in linear_loads(mechanism)]
+    drawing = canvas_around(view, [p for p in seen if len(p)], ends + [view.project(p) for p in springs])
     moving = [name for name, _, _ in shapes if name not in fixed]
     for name, outline, lines in shapes:
         if name in moving and len(outline):
@@ -235,6 +237,8 @@ def _bodies(
             drawing.body_name(drawing.area(outline, colour), name, colour)
         for line in lines:
             drawing.stroke(drawing.on_canvas(line), MUTED)
+    for link in springs:
+        drawing.stroke(zigzag(*drawing.on_canvas(link)), MUTED)
     for coupling in mechanism.couplings.values():  # from joint to joint, from gear to gear
         sides: Any = []
         if isinstance(coupling, GearPair):

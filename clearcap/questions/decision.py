@@ -61,7 +61,7 @@ def decide(store: Store, plan: Plan, compute: Callable[[Plan], object], say: Cal
             decides, names = planned
             say(
                 f"not certain: {', '.join(names)}; {counted(decides.spec.samples, 'run')} that aim at their rejects"
-                f" decide (campaign {decides.campaign_id})"
+                f" decide (campaign {decides.campaign_id}); decide = {{ runs = 0 }} in the campaign leaves them out"
             )
             compute(decides)
     except StoreError:

@@ -77,6 +77,11 @@ class ReplayedSample(BaseModel):
     same: bool | None = Field(description="Whether both agree, bit for bit; null if the store has no row")
     differences: str = Field(description="How this program differs from the one that computed the campaign")
 
+    def __repr__(self) -> str:
+        """Return the sample and whether it agrees in a line; its rows have dozens of columns."""
+        same = {True: "same bits", False: "other bits", None: "not stored"}[self.same]
+        return f"<Sample {self.sample} of {self.campaign}, {self.row['status']}: {same}>"
+
     @property
     def is_broken(self) -> bool:
         """Whether the rows differ although the program is the same."""

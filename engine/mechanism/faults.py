@@ -72,7 +72,8 @@ def _fault(details: Mapping[str, Any], root: type[BaseModel], system: UnitSystem
             return Fault(keys, f"missing; it is {field.description if field else 'required'}; add it")
         case "extra_forbidden":
             known = at.known_keys
-            remedy = did_you_mean(at.path[-1], known) or recipe_for(at.path[-1])
+            remedy = _key_of_outer_table(root, details["loc"]) or did_you_mean(at.path[-1], known)
+            remedy = remedy or recipe_for(at.path[-1])
             return Fault(keys, f"unknown key; allowed here: {', '.join(known)}{remedy}")
         case "union_tag_not_found":
             return Fault((*keys, "type"), f"missing; allowed: {', '.join(_tags(field))}; add type = ...")
@@ -83,6 +84,15 @@ def _fault(details: Mapping[str, Any], root: type[BaseModel], system: UnitSystem
     if details["loc"] and details["loc"][-1] == "[key]":
         return Fault(keys, f"{_PLAIN['string_pattern_mismatch']}; rename it")
     return Fault(keys, _what(kind, context, field), value, _unit(field, system, value))
+
+
+def _key_of_outer_table(root: type[BaseModel], loc: Sequence[str | int]) -> str:
+    """Return `; 'x' is a key of TABLE` if a table around the one of an unknown key has this key."""
+    for depth in range(len(loc) - 2, 0, -1):
+        outer = locate(root, (*loc[:depth], loc[-1]))
+        if outer.field:
+            return f"; '{loc[-1]}' is a key of {'.'.join(outer.path[:-1])}: write it there"
+    return ""
 
 
 def _unit(field: FieldInfo | None, system: UnitSystem, value: Any) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from engine.errors import EngineError, some
+from engine.errors import EngineError, NotAssemblable, some
 from engine.mechanism import Mechanism, set_values
 from engine.mechanism.geometry.cad_table import DrawnGap, DrawnJoint, GeometryCertificate
 from engine.mechanism.geometry.drawn_features import length
@@ -178,8 +178,14 @@ def _as_assembled(mechanism: Mechanism) -> Iterator[Caution]:
     yield from pressed_starts(mechanism, assembly)
     moved = assembly.travel
     if moved:
-        text = "parts overlap as drawn, or ideal joints are open, so runs start from the nearest pose where that is not"
-        text += f" so: it moves a body by {moved:.4g} {unit}"
+        places: list[str] = []
+        as_drawn = {"simulation": mechanism.simulation.model_copy(update={"assembly_travel": 0.0})}
+        try:
+            assemble(mechanism.with_tables(as_drawn, mechanism.formulas))
+        except NotAssemblable as drawn:
+            _, *places = [line.partition(";")[0].strip() for line in str(drawn).splitlines()]
+        text = f"as drawn, {some(places)}; runs start from the nearest pose where parts do not overlap and "
+        text += f"ideal joints are closed, which moves a body by {moved:.4g} {unit}"
         remedy = "correct the poses, or let it be if the drawing is meant so; with 0 such a start is refused"
         limit = mechanism.simulation.assembly_travel
         yield Caution("simulation.assembly_travel", limit, unit, text, remedy=remedy)

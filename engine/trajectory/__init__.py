@@ -114,6 +114,14 @@ class Trajectory:
     contacts: dict[str, ContactHistory]
     responses: dict[str, Array]
 
+    def __repr__(self) -> str:
+        """Return what ran, how it ended and what is recorded, in a line; a motion has thousands of numbers."""
+        what = f"{len(self.bodies)} bodies, {len(self.contacts)} contacts, {len(self.responses)} responses"
+        end = f"{self.time[-1]:.6g} {self.units['time']}" if len(self.time) else "0"
+        return (
+            f"<Trajectory of {self.description.get('name')}, {self.status}: {len(self.time)} instants to {end}; {what}>"
+        )
+
     def mechanism(self) -> Mechanism:
         """Return the simulated mechanism; raise MechanismError if this version does not know all its keys."""
         return mechanism_from(self.description, f"mechanism of the trajectory ({self.description.get('name')})")

@@ -169,6 +169,15 @@ class Allocation:
     written: dict[str, tuple[str, ...]] = field(default_factory=dict)
     covered: tuple[str, ...] = ()  # variables whose tolerance ends where the rows do: it might grow farther
 
+    def __repr__(self) -> str:
+        """Return what to change and what that costs in a line, or why nothing is proposed."""
+        if self.refusal:
+            return f"<Allocation refused: {self.refusal}>"
+        changes = ", ".join(f"{name} x {self.factors[name]:.4g}" for name in self.tolerances)
+        now = "unknown" if self.cost_now is None else f"{self.cost_now:.4g}"
+        indices = ", ".join(f"{each.response} {each.cpk:.4g}" for each in self.responses)
+        return f"<Allocation: {changes}; cost {self.cost:.4g}, now {now}; Cpk of {indices}>"
+
 
 def allocate(
     variables: Sequence[CostedVariable],

@@ -97,7 +97,10 @@ def test_the_questions_of_the_command(many, tmp_path):
     assert advised.attrs["note"] == found.note
     costs = {"variables": {"J1": {"cost": 0.05}}}
     (tmp_path / "costs.toml").write_text("[variables.J1]\ncost = 0.05\n")
-    assert many.allocate(costs) == many.allocate(tmp_path / "costs.toml")
+    allocated = many.allocate(costs)
+    assert allocated == many.allocate(tmp_path / "costs.toml")
+    assert repr(allocated).startswith(f"<Allocation: J1 x {allocated.factors['J1']:.4g}; cost ")
+    assert len(repr(allocated)) < 200
     with pytest.raises(SpecError, match=r"costs: variables\.J9"):
         many.allocate({"variables": {"J9": {"cost": 1.0}}})
     sensitivity = many.sensitivity

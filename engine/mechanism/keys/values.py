@@ -264,7 +264,7 @@ def unknown_key(mechanism: Mechanism, key: str) -> str:
         below = list(places[-1].below())
         names = ", ".join(below[:MOST_NAMED]) + (", ..." if len(below) > MOST_NAMED else "")
         return f"unknown key; {f'{known} has {names}' if below else f'{known} has nothing inside'}{question}"
-    joints = ", ".join(mechanism.joints) or "there is none"
+    joints = ", ".join(mechanism.loose_joints()) or "none has play"
     return (
         f"unknown key; allowed: a joint ({joints}), whose clearance it sets, "
         f"or the dotted path of a number in the file, as clearcap mechanism show --keys lists them{question}"

@@ -103,6 +103,23 @@ def test_a_beam_is_drawn_from_end_to_end_and_a_bushing_as_a_dot():
     assert len(bare.dots) == 1
 
 
+def test_a_spring_is_drawn_between_its_ends():
+    """A zigzag from a post at (0.3, 0, 0.1) to the side of a block, 0.2 m long; without the spring it is not there."""
+    data = block_on_floor(origin=[0, 0, 0.1])
+    plain = len(sketch_mechanism(made(data)).strokes)
+    ends = [{"body": "ground", "point": [0.3, 0, 0.1]}, {"body": "block", "point": [0.1, 0, 0]}]
+    data["springs"] = {"push": {"type": "linear", "a": ends[0], "b": ends[1], "stiffness": 1.0, "free_length": 0.2}}
+    mechanism = made(data)
+    strokes = sketch_mechanism(mechanism).strokes
+    assert len(strokes) == plain + 1
+    (zigzag,) = [stroke.points for stroke in strokes if len(stroke.points) == 12]
+    view = choose_view(mechanism)
+    way = np.diff(view.project(np.array([[0.3, 0.0, 0.1], [0.1, 0.0, 0.1]])), axis=0)[0]
+    drawn = np.subtract(zigzag[-1], zigzag[0]) * [1.0, -1.0]
+    assert np.linalg.norm(drawn) > 20.0
+    assert drawn / np.linalg.norm(drawn) == pytest.approx(way / np.linalg.norm(way), abs=1e-2)
+
+
 def test_a_coupling_is_drawn_from_joint_to_joint():
     """A dashed line between the two shafts, which are 1 m apart, as long as that on the canvas."""
     mechanism = made(wheels())

@@ -57,6 +57,17 @@ def test_tables_made_in_code_are_the_file():
     assert built.extended(bodies={"block": body}).digest() == shipped.digest()
 
 
+def test_a_key_one_table_too_deep_is_said_to_belong_above():
+    """The phase with which a motion's law begins is a key of the motion, and the step one of the simulation."""
+    data = slope() | {"phases": [{"name": "slide"}]}
+    along = {"body": "block", "along": {"direction": [1, 0, 0]}, "law": {"speed": 0.1, "since": "slide"}}
+    with pytest.raises(MechanismError, match=r"motions\.push\.law\.since: .*; 'since' is a key of motions\.push"):
+        load_mechanism(data | {"motions": {"push": along}})
+    data["simulation"] = data["simulation"] | {"rest": {"window": 0.05, "drift": 1e-7, "horizon": 1.0}}
+    with pytest.raises(MechanismError, match=r"rest\.horizon: .*; 'horizon' is a key of simulation: write it there"):
+        load_mechanism(data)
+
+
 @each("name", library_names())
 def test_there_and_back(name):
     """Tables and text of every shipped mechanism, with expressions, benches and presets, are that mechanism."""

@@ -32,11 +32,12 @@ def test_nor_the_example_of_the_docs():
 
 
 def test_a_start_that_is_not_the_drawn_one_is_said():
-    """A block drawn 1 mm into the floor: the key, and how far it is moved; nothing where it stands on it."""
+    """A block drawn 1 mm into the floor: what overlaps, and how far it is moved; nothing where it stands on it."""
     data = block_on_floor(origin=[0, 0, 0.099])
     found = [caution for caution in cautions(made(data)) if caution.key == "simulation.assembly_travel"]
     assert len(found) == 1
-    assert "it moves a body by 0.001 m" in found[0].text
+    assert found[0].text.startswith("as drawn, contacts.corner_0: gap -0.001 m at the start, contacts.corner_2: ")
+    assert "moves a body by 0.001 m" in found[0].text
     data["bodies"]["block"]["origin"] = [0, 0, 0.1]
     assert not [caution for caution in cautions(made(data)) if caution.key == "simulation.assembly_travel"]
 

@@ -103,7 +103,7 @@ def test_a_clearance_outside_the_bore_is_refused_with_the_range(clearance):
 @each(
     ("key", "text"),
     [
-        ("J2", "unknown key; allowed: a joint (J1)"),
+        ("J2", "unknown key; allowed: a joint (J1), whose clearance"),
         ("joint.J1.radial_clearance", "did you mean 'joints.J1.radial_clearance'?"),
         ("springs.turn.prelaod", "did you mean 'springs.turn.preload'?"),
         ("J1.x", "unknown key"),

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from campaign.errors import CampaignError, SpecError
-from clearcap.cli.output import PLOTS, check_output, replacing
+from clearcap.output_files import PLOTS, check_output, replacing
 
 
 def test_outputs_are_checked(tmp_path):
