@@ -24,6 +24,7 @@ from clearcap.questions.whatif import changed_variables
 from clearcap.web.http.responses import faults_of
 from engine import EngineError
 from engine.mechanism import library_names
+from engine.mechanism.keys.key_paths import PREFIX
 from engine.mechanism.keys.values import settable_numbers
 from engine.platform.toml_file import UnfitToml, parse_toml, text_bytes
 
@@ -109,7 +110,7 @@ def composed(source: CampaignSource, form: Tables | None = None, wanted: Wanted 
         tables = merged(tables, form)
     mechanism = _mechanism(store, source, tables, wanted.search)
     if wanted.add and mechanism:
-        tables = with_variable(tables, mechanism["keys"], wanted.add)
+        tables = with_variable(tables, mechanism, wanted.add)
     if form is not None or wanted.add:
         source = replace(source, text=campaign_text(tables))
     found: Tables = {"text": source.text, "form": form_tables(tables), "checked": None, "faults": [], "detail": ""}
@@ -124,16 +125,21 @@ def composed(source: CampaignSource, form: Tables | None = None, wanted: Wanted 
     return {**found, "mechanism": mechanism, "densities": densities, "differs": differs}
 
 
-def with_variable(tables: Mapping[str, Any], keys: Sequence[Mapping[str, Any]], key: str) -> Tables:
-    """Return a campaign's tables with a further variable, which sets a key of the mechanism around its value."""
-    value = next((each["value"] for each in keys if each["key"] == key), None)
+def with_variable(tables: Mapping[str, Any], mechanism: Mapping[str, Any], key: str) -> Tables:
+    """Return a campaign's tables with a further variable, which sets a key of the mechanism around its value.
+
+    A parameter keeps its name, unless a response or another variable has it; of any other key it is the last two words.
+    """
+    value = next((each["value"] for each in mechanism["keys"] if each["key"] == key), None)
     given = tables.get("variables")
     before = given if isinstance(given, dict) else {}
     if value is None or key in before:
         return dict(tables)
-    stem = name = "_".join(re.findall("[A-Za-z0-9_-]+", ".".join(key.split(".")[-2:])))
+    stem, own_name = "_".join(re.findall("[A-Za-z0-9_-]+", ".".join(key.split(".")[-2:]))), key.rpartition(".")[2]
+    taken = before.keys() | mechanism["responses"].keys()
+    name = own_name if key.startswith(PREFIX) and own_name not in taken else stem
     number = 2
-    while name in before:
+    while name in taken:
         name, number = f"{stem}_{number}", number + 1
     own = {} if "." not in key else {"target": key}
     new = {key if "." not in key else name: {"distribution": DEFAULT, **own, "mean": value}}
@@ -276,7 +282,10 @@ def _mechanism(store: Store, source: CampaignSource, tables: Tables, search: str
         mechanism = mechanism.on_bench(bench) if isinstance(bench, str) and bench else mechanism
     except (CampaignError, EngineError):
         return None
-    numbers = sorted((each for each in settable_numbers(mechanism) if each.varies), key=lambda each: not each.short)
+    numbers = sorted(
+        (each for each in settable_numbers(mechanism) if each.varies),
+        key=lambda each: (not each.short, not each.key.startswith(PREFIX)),  # what its author means to vary
+    )
     keys = [
         {"key": n.short or n.key, "value": n.value, "unit": "" if n.unit == "1" else n.unit, "about": n.description}
         for n in numbers

@@ -61,17 +61,27 @@ async def campaigns_page(
     following = cursor + ON_A_PAGE if cursor + ON_A_PAGE < len(found) else None
     values: dict[str, Any] = {"question": question, "entries": entries, "total": len(found), "on_a_page": ON_A_PAGE}
     values |= {"tags": tags, "owners": owners, "states": states, "cursor": cursor, "following": following}
+    values["decides"] = {aimed: entry.campaign for entry, _ in known for aimed in entry.decided_by}
     values |= {"sorts": tuple(campaigns.ORDERS), "unread": service.watcher.index.unread, "fault": service.store_fault}
     return page(request, "campaigns", asked=asked, **values)
 
 
 async def frame(request: Request, service: TheService, campaign: str, who: Authenticated) -> dict[str, Any]:
-    """Return the values for the frame of a campaign's pages; `report_is_due`: it is still being written."""
+    """Return the values for the frame of a campaign's pages.
+
+    `report_is_due`: it is still being written; `deciding`: campaign whose runs it waits for; `decides`: the one
+    whose verdicts this campaign decides.
+    """
     entry = await campaigns.show_campaign(service, campaign)
+    known = [each for each, _ in service.watcher.index.entries()]
+    deciding = next((e for e in known if e.campaign in entry.decided_by and e.state in ("queued", "running")), None)
+    decides = next((e.campaign for e in known if campaign in e.decided_by), "")
     lacks_report = entry.state == "completed" and not entry.has_report and not entry.message
-    report_is_due = lacks_report and entry.since is not None and time.time() - entry.since.timestamp() < REPORT_WITHIN
+    is_recent = entry.since is not None and time.time() - entry.since.timestamp() < REPORT_WITHIN
+    report_is_due = lacks_report and (is_recent or deciding is not None)
     is_own = who.may(Role.ENGINEER) and who.name == await run_in_threadpool(owner_of, service, campaign)
-    return {"entry": entry, "may_change": is_own or who.may(Role.ADMIN), "report_is_due": report_is_due}
+    values = {"entry": entry, "may_change": is_own or who.may(Role.ADMIN), "report_is_due": report_is_due}
+    return {**values, "deciding": deciding, "decides": decides}
 
 
 @router.get("/campaigns/{campaign}")

@@ -13,6 +13,7 @@ from starlette.datastructures import UploadFile
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from campaign.errors import CampaignError, StoreError
+from campaign.waits import counted
 from clearcap.questions.plan_differences import shortened
 from clearcap.web.access import Principal, Role
 from clearcap.web.access.users import LONGEST_PASSWORD, SHORTEST_PASSWORD
@@ -29,6 +30,7 @@ Flag = Annotated[bool, Query()]
 AROUND = 2  # lines shown before and after one with a fault
 _templates = page_environment("clearcap.web.pages")
 _templates.filters["briefly"] = shortened
+_templates.filters["counted"] = counted
 _templates.filters["combined"] = lambda table, **more: {**table, **more}
 _templates.filters["dict_query"] = lambda asked: urlencode(asked, doseq=True)
 

@@ -9,7 +9,7 @@ import pytest
 from clearcap.web.access import Role
 from clearcap.web.http.authentication import COOKIE, CSRF_FIELD
 from clearcap.web.operations.mechanisms import shipped_text
-from clearcap.web.pages.campaign_draft import shipped_campaign
+from clearcap.web.pages.campaign_draft import shipped_campaign, with_variable
 from clearcap.web.settings import Settings
 from tests.campaign.conftest import SPEC
 from tests.clearcap.web.conftest import URL, serving
@@ -179,6 +179,32 @@ def test_keys_are_picked(begun):
     assert tomllib.loads(text_of(again))["variables"]["J2"].keys() == {"distribution", "mean"}
     same = send(client, {**fields_of(again), "add": "J2"}, "check")
     assert text_of(same) == text_of(again)
+
+
+def test_a_picked_parameter_keeps_its_name():
+    """`bite`, not `parameters_bite`; a name that a response or another variable has stays with its table."""
+    keys = [{"key": key, "value": 2.0} for key in ("parameters.bite", "parameters.flush", "materials.steel.friction")]
+    mechanism = {"keys": keys, "responses": {"flush": {}}}
+    for key, name in (
+        ("parameters.bite", "bite"),
+        ("parameters.flush", "parameters_flush"),
+        ("materials.steel.friction", "steel_friction"),
+    ):
+        (new,) = with_variable({}, mechanism, key)["variables"].items()
+        assert new == (name, {"distribution": "truncated_normal", "target": key, "mean": 2.0})
+    taken = with_variable({"variables": {"bite": {}}}, mechanism, "parameters.bite")
+    assert list(taken["variables"]) == ["bite", "parameters_bite"]
+
+
+@pytest.mark.processes
+def test_the_numbers_that_an_author_names_come_first(begun):
+    """Clearances, then parameters, then the other numbers of the file."""
+    page = begun[0].get("/campaigns/new?mechanism=lever").text
+    offered = re.findall(r'name="add" value="([^"]+)"', page)
+    kinds = [key.startswith("parameters.") for key in offered]
+    assert "." not in offered[0]
+    assert kinds.index(True) == sum("." not in key for key in offered)
+    assert all(kinds[kinds.index(True) :][: sum(kinds)])
 
 
 @pytest.mark.processes
