@@ -21,16 +21,24 @@ def gauss_legendre(count: int) -> tuple[Array, Array]:
     return points, weights
 
 
+@lru_cache(maxsize=32)
 def random_rows(n: int) -> NDArray[np.intp]:
     """Return the indices of at most 200,000 of `n` rows in random order; the order is the same for the same `n`.
 
     Consecutive samples of a Sobol' sequence or a grid are not independent; groups in random order represent all rows.
     """
-    return np.random.Generator(np.random.PCG64(n)).permutation(n)[:MOST_ROWS]
+    rows = np.random.Generator(np.random.PCG64(n)).permutation(n)[:MOST_ROWS].copy()
+    rows.flags.writeable = False  # others get the same array
+    return rows
 
 
 def centred_ranks(values: Array) -> Array:
     """Return the ranks of finite values less their mean, shape (n,); equal values have their middle rank."""
-    _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
-    middle = np.cumsum(counts) - 0.5 * (counts - 1)  # of the ranks that equal values share; the first rank is 1
-    return np.asarray(middle[place] - 0.5 * (values.size + 1))
+    order = np.argsort(values)
+    ordered = values[order]
+    first = np.flatnonzero(np.append(True, ordered[1:] > ordered[:-1])) if values.size else np.zeros(0, np.intp)
+    counts = np.diff(np.append(first, values.size))
+    ranks = np.empty(values.size)
+    # The middle of the ranks that equal values share; the first rank is 1.
+    ranks[order] = np.repeat(first + 0.5 * (counts + 1), counts)
+    return ranks - 0.5 * (values.size + 1)

@@ -79,7 +79,7 @@ def row_order(x: Array, lots: NDArray[np.generic] | None = None) -> RowOrder | N
         _, first, group = np.unique(lots, return_index=True, return_inverse=True)
         values = (np.bincount(group, weights=x) / np.bincount(group))[np.argsort(first)]
     n = values.size
-    if n < FEWEST or np.unique(values).size < FEWEST_DIFFERENT:
+    if n < FEWEST or not any(np.unique(part).size >= FEWEST_DIFFERENT for part in (values[:1000], values)):
         return None
     centred = centred_ranks(values)
     squares = float(np.sum(centred**2))

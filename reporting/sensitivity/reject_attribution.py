@@ -32,7 +32,7 @@ from scipy.special import expit, kolmogorov, ndtri, stdtrit
 from threadpoolctl import threadpool_limits
 
 from reporting import format_numbers
-from reporting.arrays import Array, centred_ranks, random_rows
+from reporting.arrays import Array, random_rows
 from reporting.capability.intervals import Interval, welch
 from reporting.errors import ReportError
 from reporting.sensitivity.regression import shapley_values
@@ -197,13 +197,13 @@ def reject_attribution(
     varying = {name: column for name, column in columns.items() if np.ptp(column) > 0} if n else {}
     if min(rejects, n - rejects) < FEWEST_REJECTS or not varying:
         return RejectAttribution(rejects, n, None, (), _too_few(rejects, n))
-    independent = np.unique(groups).size
+    independent = n if lots is None else np.unique(groups).size
     if independent < FEWEST_REJECTS:
         return RejectAttribution(rejects, n, None, (), _too_few_of("production lots", independent))
     # The cost doubles with each variable: those that differ most among the rejects are judged.
     judged = dict(sorted(varying.items(), key=lambda item: -_difference(item[1], out))[:MOST_ATTRIBUTED])
     rows = _case_control(out)
-    scores = np.column_stack([ndtri(0.5 + centred_ranks(column) / column.size)[rows] for column in judged.values()])
+    scores = np.column_stack([_scores(column, rows) for column in judged.values()])
     with threadpool_limits(1):  # the matrices are small, so threads would wait for each other
         worth, influence = _worths(scores, out[rows], rejects / n)
     resolved = float(worth[-1])
@@ -292,6 +292,14 @@ def _errors(terms: Array, groups: NDArray[np.intp]) -> Array:
     return np.array([math.sqrt(float(np.sum(np.bincount(at, row) ** 2))) for row in terms])
 
 
+def _scores(column: Array, rows: NDArray[np.intp]) -> Array:
+    """Return the normal scores of some rows of a column, by their ranks among at most 200,000 of all."""
+    ordered = np.sort(column[random_rows(column.size)])
+    ends = [np.searchsorted(ordered, column[rows], side) for side in ("left", "right")]
+    rank = np.clip((ends[0] + ends[1] + 1) / 2, 1.0, ordered.size)  # the middle one of equal values
+    return np.asarray(ndtri((rank - 0.5) / ordered.size))
+
+
 def _case_control(out: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Return the rows to fit: rejects and others, each in random order and limited in number."""
     rejects, others = np.flatnonzero(out), np.flatnonzero(~out)
@@ -301,9 +309,8 @@ def _case_control(out: NDArray[np.bool_]) -> NDArray[np.intp]:
 
 def _difference(column: Array, out: NDArray[np.bool_]) -> float:
     """Return Kolmogorov's distance between the rejects and all samples."""
-    order = np.argsort(column, kind="stable")
-    share = np.cumsum(out[order]) / np.count_nonzero(out)
-    return float(np.max(np.abs(share - np.arange(1, column.size + 1) / column.size)))
+    rejects = column[out]
+    return largest_distance(rejects[random_rows(rejects.size)], column[random_rows(column.size)])
 
 
 def _too_few(rejects: int, n: int) -> str:

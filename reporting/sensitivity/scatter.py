@@ -75,7 +75,7 @@ def _shown(y: Array) -> NDArray[np.intp]:
     """Return the rows to draw, in order; the same values give the same rows."""
     if y.size <= POINTS + 2 * EXTREMES:
         return np.arange(y.size)
-    order = np.argsort(y, kind="stable")
+    order = np.argpartition(y, (EXTREMES, y.size - EXTREMES))
     return np.unique(np.concatenate([random_rows(y.size)[:POINTS], order[:EXTREMES], order[-EXTREMES:]]))
 
 
@@ -93,6 +93,8 @@ def _means(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the means of input and response over groups of equal size, in the order of the input."""
     if x.size < FEWEST:
         return (), ()
+    some = np.sort(random_rows(x.size))
+    x, y = x[some], y[some]
     order = np.argsort(x, kind="stable")
     groups = np.array_split(order, GROUPS)
     with np.errstate(all="ignore"):

@@ -198,7 +198,7 @@ def asked(
         for name, y in responses.items()
         if name in targets and limits.get(name, (None, None)) != (None, None)
     }
-    varying = {name: y for name, y in limited.items() if np.unique(y[np.isfinite(y)]).size > 1}
+    varying = {name: y for name, y in limited.items() if np.any(np.isfinite(y)) and np.ptp(y[np.isfinite(y)]) > 0}
     if not varying:
         raise ReportError(
             "advice: no response has limits, a target Cpk and values that vary; give limits to at least one"
