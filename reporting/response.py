@@ -14,7 +14,7 @@ from reporting.capability.shares import Nonconforming, Share, nonconforming, run
 from reporting.capability.summary import Capability, Historical, TargetIndices, capability, historical, target_indices
 from reporting.capability.verdict import CapabilityVerdict, bars_of, verdict
 from reporting.capability.within import SubgroupSigma, subgroup_sigmas
-from reporting.errors import ReportError
+from reporting.errors import ReportError, finite_in_order
 from reporting.gauge import BehindGauge, Conformity, behind_gauge, conformity
 from reporting.samples import Samples, why_no_value
 from reporting.sensitivity.influence import ResponseSensitivity
@@ -124,11 +124,12 @@ def analyse_response(
     x, lots = values[np.isfinite(values)], None if lots is None else lots[np.isfinite(values)]
     # An ok sample without a finite value may be a reject just as a failed one.
     counted = nonconforming(x, spec.lsl, spec.usl, confidence, samples.sample.size - x.size, lots)
-    shape = normality(x, confidence, None if numbers.lots is None else numbers.lots.effective)
+    ordered = finite_in_order(x)
+    shape = normality(ordered, confidence, None if numbers.lots is None else numbers.lots.effective)
     limited = spec.lsl is not None or spec.usl is not None
-    fits = _fits(x, spec)
-    methods = _methods(x, fits, spec, confidence) if limited else ()
-    tails = pareto_tails(x, spec.lsl, spec.usl, confidence) if limited else ()
+    fits = _fits(ordered, spec)
+    methods = _methods(ordered, fits, spec, confidence) if limited else ()
+    tails = pareto_tails(ordered, spec.lsl, spec.usl, confidence) if limited else ()
     # The intervals of these methods assume independent values.
     if numbers.lots is not None:
         methods, tails = without_intervals(methods, tails)

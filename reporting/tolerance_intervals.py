@@ -97,18 +97,21 @@ def tolerance_intervals(
             f"{refusal or _basis(x.size, fits)} All are computed from the differences between {described.count} "
             f"production lots, whose values are worth {described.effective:.0f} independent ones."
         )
-    claims = tuple(_claim(x, worth, content, confidence, normal=not refusal) for content in CONTENTS)
-    return ToleranceIntervals(confidence, claims if refusal else _widened(x, claims, fits, confidence), note)
+    ordered = np.sort(x)
+    claims = tuple(_claim(x, ordered, worth, content, confidence, normal=not refusal) for content in CONTENTS)
+    return ToleranceIntervals(confidence, claims if refusal else _widened(ordered, claims, fits, confidence), note)
 
 
-def _widened(x: Array, claims: tuple[ContentClaim, ...], fits: Fits, confidence: float) -> tuple[ContentClaim, ...]:
+def _widened(
+    ordered: Array, claims: tuple[ContentClaim, ...], fits: Fits, confidence: float
+) -> tuple[ContentClaim, ...]:
     """Return the claims with normal limits as far out as those of the other families that the values do not rule out.
 
     Both ends together may fail as often as one limit alone (Bonferroni).
     """
     tails = np.array([share for claim in claims for share in (1 - claim.content, (1 - claim.content) / 2)])
     shares, confidences = np.concatenate((tails, 1 - tails)).tolist(), (2 * confidence - 1, confidence)
-    one, two = supported_quantiles(x, fits, shares, confidences)
+    one, two = supported_quantiles(ordered, fits, shares, confidences)
     lows, highs = (np.array([side[:, end] for side in (one, two)]) for end in (0, 1))
     found = []
     for i, claim in enumerate(claims):
@@ -137,7 +140,8 @@ def _of_lots(x: Array, lots: NDArray[np.generic], described: Lots, confidence: f
     )
 
 
-def _claim(x: Array, worth: _Worth, content: float, confidence: float, *, normal: bool) -> ContentClaim:
+def _claim(x: Array, ordered: Array, worth: _Worth, content: float, confidence: float, *, normal: bool) -> ContentClaim:
+    """Return the intervals for one content of values, which are given in their own order and in ascending order."""
     found = _without(content, confidence)
     if normal:
         half, beyond = (
@@ -148,7 +152,6 @@ def _claim(x: Array, worth: _Worth, content: float, confidence: float, *, normal
         found = replace(found, normal=(low, high), normal_lower=worth.mean - beyond, normal_upper=worth.mean + beyond)
     if x.size == 0:
         return found
-    ordered = np.sort(x)
     low, high, outer_low, outer_high = np.quantile(x, (1 - content, content, (1 - content) / 2, (1 + content) / 2))
     # Values of a lot lie beyond a limit together: the design effect is that of the share beyond the quantile that the
     # limit estimates.

@@ -154,13 +154,13 @@ def supported_indices(
     return tuple(results)
 
 
-def supported_quantiles(x: Array, fits: Fits, shares: Sequence[float], confidences: Sequence[float]) -> Array:
-    """Return the outermost ends of the intervals of quantiles over all candidates but the normal distribution.
+def supported_quantiles(ordered: Array, fits: Fits, shares: Sequence[float], confidences: Sequence[float]) -> Array:
+    """Return the outermost ends of intervals of quantiles of ascending values, over all candidates but the normal one.
 
     Their shape is (confidences, shares, 2); infinity and minus infinity, inside out, where there is no other candidate.
     """
     found = np.stack([np.full((len(confidences), len(shares)), end) for end in (math.inf, -math.inf)], axis=-1)
-    sample = bin_sample(ties(np.sort(x)).spread(), BINNED)
+    sample = bin_sample(ties(ordered).spread(), BINNED)
     for fit in fits.fits:
         if fit.family not in fits.candidates or fit.family == "normal":
             continue
