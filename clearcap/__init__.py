@@ -45,6 +45,7 @@ if TYPE_CHECKING:
         set_values,
         simulate,
     )
+    from engine.mechanism.keys.values import SettableNumber, settable_numbers
     from engine.preflight import check
     from reporting import Capability, ReportError, capability
 
@@ -52,12 +53,11 @@ if TYPE_CHECKING:
 __all__ = [
     "Campaign", "CampaignError", "Capability", "Certificate", "Cluster", "EngineError", "Fault", "Heartbeat",
     "Mechanism", "MechanismError", "NotAssemblable", "PooledResults", "Recording", "RemoteServer", "ReportError",
-    "Results", "Run", "RunningCampaign", "SpecError", "Store", "StoreError", "TextPosition", "Tls", "Trajectory",
-    "UnreachableError", "calibrate_campaign", "campaign_text", "capability", "capability_report", "check", "connect",
-    "draw", "gauge_study", "library_names", "load_campaign", "load_campaign_text", "load_mechanism",
-    "load_mechanism_text", "monitor_campaign", "open_campaign",
-    "open_store", "position_of", "read_trajectory", "report", "run_campaign", "set_values",
-    "simulate", "submit_campaign", "validate_campaign",
+    "Results", "Run", "RunningCampaign", "SettableNumber", "SpecError", "Store", "StoreError", "TextPosition", "Tls",
+    "Trajectory", "UnreachableError", "calibrate_campaign", "campaign_text", "capability", "capability_report", "check",
+    "connect", "draw", "gauge_study", "library_names", "load_campaign", "load_campaign_text", "load_mechanism",
+    "load_mechanism_text", "monitor_campaign", "open_campaign", "open_store", "position_of", "read_trajectory",
+    "report", "run_campaign", "set_values", "settable_numbers", "simulate", "submit_campaign", "validate_campaign",
 ]
 # fmt: on
 
@@ -76,6 +76,7 @@ _HOMES = {
     "clearcap.questions.monitoring": ("monitor_campaign",),
     "clearcap.results": ("PooledResults", "Results", "open_campaign", "report", "run_campaign"),
     "clearcap.submitted": ("RunningCampaign", "submit_campaign"),
+    "engine.mechanism.keys.values": ("SettableNumber", "settable_numbers"),
     "engine.preflight": ("check",),
     "reporting": ("Capability", "ReportError", "capability"),
 }

@@ -69,6 +69,7 @@ mechanism: clearcap.Mechanism = clearcap.load_mechanism("incline").extended(simu
 text: str = clearcap.load_mechanism(mechanism.to_dict()).to_toml()
 run: clearcap.Run = clearcap.simulate(clearcap.load_mechanism_text(text), {"materials.block_slope.friction": 0.6})
 print(run.responses["slide"], repr(run))
+print([number.key for number in clearcap.settable_numbers(mechanism, "*.friction") if number.varies])
 campaign = {"format": 1, "name": "slope", "mechanism": mechanism, "samples": 4, "variables": {}}
 results: clearcap.Results = clearcap.run_campaign(campaign, progress=told, cluster=Client("tls://head:8786"))
 clearcap.run_campaign(campaign, progress=Follows())

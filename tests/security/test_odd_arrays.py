@@ -296,7 +296,8 @@ def test_every_public_name_that_takes_arrays_or_numbers_is_attacked():
         *("build_id", "check", "library_names", "load_mechanism", "load_mechanism_text", "position_of"),
         *("read_trajectory", "warm_up"),
         *("FrictionError", "FrictionProblem", "FrictionSolution", "read_fclib", "read_fclib_impulses", "write_fclib"),
-        *("full_key", "get_value", "mechanism_schema", "missing_kernels", "settable_keys", "unit_of"),
+        *("full_key", "get_value", "mechanism_schema", "missing_kernels", "settable_keys", "settable_numbers"),
+        *("SettableNumber", "unit_of"),
         *(
             "Assumption",
             "Capability",

@@ -323,7 +323,21 @@ class SettableNumber:
 
 
 def settable_numbers(mechanism: Mechanism, pattern: str = "") -> list[SettableNumber]:
-    """Return every number that can be set, in the order of the file format; ``pattern`` as in `_fits`."""
+    """Return every number of a mechanism that `set_values` and the variables of a campaign can change.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Any mechanism.
+    pattern : str
+        A part of the keys that are wanted, a pattern of whole keys with ``*``, ``?`` or ``[...]``, or the name of a
+        joint with play.
+
+    Returns
+    -------
+    list of SettableNumber
+        Key, value, unit, limits and meaning of each, in the order of the tables of a mechanism file.
+    """
     short = {full_key(mechanism, name): name for name in mechanism.loose_joints()}
     wanted = [(key, place) for key, place in settable_places(mechanism) if _fits(key, short.get(key, ""), pattern)]
     used = users({**mechanism.formulas, **mechanism.response_formulas()})
