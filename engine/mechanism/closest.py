@@ -75,7 +75,7 @@ RECIPES = {
     "A bushing": "bushing mount rubber silent_block grommet",
     "A leaf spring": "beam leaf flex cantilever rod_spring",
     "The effort, stroke and energy of a push-button": "effort stroke actuation operating_force",
-    "What there is none of yet, and what to do instead": "mesh stl universal cardan hooke snap rolling bearing",
+    "What there is none of yet, and what to do instead": "universal cardan hooke snap rolling bearing",
 }
 """The titles of recipes, and what in the name of a key or type asks for one."""
 

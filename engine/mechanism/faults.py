@@ -90,7 +90,7 @@ def _key_of_outer_table(root: type[BaseModel], loc: Sequence[str | int]) -> str:
     """Return `; 'x' is a key of TABLE` if a table around the one of an unknown key has this key."""
     for depth in range(len(loc) - 2, 0, -1):
         outer = locate(root, (*loc[:depth], loc[-1]))
-        if outer.field:
+        if outer.owner and outer.field:  # not a name in a table of tables, which may be any
             return f"; '{loc[-1]}' is a key of {'.'.join(outer.path[:-1])}: write it there"
     return ""
 

@@ -55,7 +55,7 @@ def test_an_unknown_key_or_type_names_its_recipe():
     """Each title is one of the page."""
     assert TITLES.keys() <= {text.split("\n", 1)[0] for text in PAGE.split("\n## ")}
     data = block_on_floor()
-    data["contacts"]["corner_0"]["a"]["mesh"] = {"file": "a.stl"}
+    data["contacts"]["corner_0"]["a"]["snap"] = {}
     data["joints"] = {"pair": {"type": "gear"}}
     data["contacts"]["corner_1"]["anisotropic_friction"] = [0.2, 0.5]
     data["solenoids"] = {}
