@@ -47,8 +47,8 @@ def changed(which: tuple[str, str | None], seed: int) -> Mechanism:
 
 
 def arrays(parts: Any) -> list[Any]:
-    """Return all arrays of tuples of such."""
-    return [parts] if isinstance(parts, np.ndarray) else [array for part in parts for array in arrays(part)]
+    """Return all arrays of tuples of such, or of None."""
+    return [parts] if isinstance(parts, np.ndarray) else [array for part in parts or () for array in arrays(part)]
 
 
 def everything(assembly: Assembly) -> list[Any]:
