@@ -62,7 +62,9 @@ def mechanism_summary(mechanism: Mechanism) -> dict[str, Any]:
             name: {"value": get_value(mechanism, name), "unit": unit_of(mechanism, name)}
             for name in mechanism.loose_joints()
         },
-        "responses": {n: {"title": each.title, "unit": units[n]} for n, each in mechanism.responses.items()},
+        "responses": {
+            n: {"title": each.title, "type": each.type, "unit": units[n]} for n, each in mechanism.responses.items()
+        },
         "validity": [str(condition) for condition in mechanism.validity],
         "benches": {name: bench.title for name, bench in mechanism.benches.items()},
         "presets": {name: preset.title for name, preset in mechanism.presets.items()},

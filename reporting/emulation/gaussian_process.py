@@ -19,6 +19,7 @@ import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.optimize import minimize
 
+from reporting import format_numbers
 from reporting.arrays import ROUNDING, Array
 from reporting.errors import ReportError
 
@@ -63,7 +64,7 @@ class Quality:
             return ""
         more = self.needed or 2 * self.rows
         remedy = "more rows would not help, as the response is not smooth or scatters" if self.needed == 0 else ""
-        return f"the emulator {what}: {remedy or f'compute about {more - self.rows} more'}"
+        return f"the emulator {what}: {remedy or f'compute about {format_numbers.grouped(more - self.rows)} more'}"
 
 
 @dataclass(frozen=True)

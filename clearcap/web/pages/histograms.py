@@ -10,7 +10,7 @@ from reporting.render.svg import around, labelled, with_near
 WIDTH, HEIGHT = 260.0, 132.0  # of the drawing, in its own units, which are pixels in a card of usual width
 TOP, GROUND = 18.0, 112.0  # above are the names of the limits, below the numbers of the axis
 LETTER = 7.4  # width of a letter, on average, of a name in bold
-TICKS = 4  # round numbers on the axis, about
+TICKS = (4, 6, 8)  # round numbers on the axis, about: more where fewer than two of them have room
 
 
 @dataclass(frozen=True)
@@ -64,11 +64,13 @@ def histogram_figure(bins: Mapping[str, Any]) -> Figure | None:
         corners += [(left, y), (right, y)]
     outline = " ".join(f"{a:g},{b:g}" for a, b in [*corners, (x[-1], GROUND)]) if after else ""
     placed = [(None if value in far else across(value), name, value) for name, value in limits]
-    ticks = labelled(low, high, TICKS)
-    while len(ticks) > 1 and sum(LETTER * len(words) + 8 for _, words in ticks) > WIDTH:
-        ticks = ticks[::2]
-    inside = [(across(value), words) for value, words in ticks]
-    kept = [(at, words) for at, words in inside if 0.5 * LETTER * len(words) <= at <= WIDTH - 0.5 * LETTER * len(words)]
+    kept: list[tuple[float, str]] = []
+    for count in TICKS:
+        if len(kept) < 2:
+            kept = [(across(value), words) for value, words in labelled(low, high, count)]
+            kept = [(at, words) for at, words in kept if abs(at - 0.5 * WIDTH) <= 0.5 * (WIDTH - LETTER * len(words))]
+            while len(kept) > 1 and sum(LETTER * len(words) + 8 for _, words in kept) > WIDTH:
+                kept = kept[::2]
     return Figure(bars, outline, _named(placed, edges[0]), kept)
 
 

@@ -100,6 +100,7 @@ async def _shown(
     shown |= await _advice(service, who.name, campaign, asked)
     shown |= {"settings": settings, "fields": fields, "others": other_settings(fields, settings), "asked": asked}
     shown |= {"address": _address(campaign, settings, asked), "query": urlencode({"set": settings}, doseq=True)}
+    shown["preview"] = preview
     shown["applied"] = lambda advised: f"?{urlencode({'set': replaced(settings, advised), **asked}, doseq=True)}"
     shown |= {"confirmed": None, "confirm_fault": "", **of_fresh_runs}
     return page(request, "whatif", **shown, **await frame(request, service, campaign, who))

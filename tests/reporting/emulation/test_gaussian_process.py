@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from reporting import format_numbers
 from reporting.emulation import gaussian_process
 from reporting.emulation.gaussian_process import WIDE, fit_emulator
 from reporting.errors import ReportError
@@ -78,7 +79,7 @@ def test_scatter_is_no_function():
     assert "more rows would not help" in noisy.quality.refusal
     few = fit_emulator(x[:40], np.sin(3 * x[:40, 0]) * np.cos(2 * x[:40, 1]))
     assert few.quality.needed > 40
-    assert f"compute about {few.quality.needed - 40} more" in few.quality.refusal
+    assert f"compute about {format_numbers.grouped(few.quality.needed - 40)} more" in few.quality.refusal
 
 
 def test_rows_beyond_those_fitted_are_predicted_too(monkeypatch):

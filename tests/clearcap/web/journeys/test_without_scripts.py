@@ -63,7 +63,7 @@ def test_pages_show_their_content(unscripted, finished):
     for path, words in (
         ("/campaigns", "C-60 circuit breaker, ON position: seven joint clearances"),
         (home, "400 of 400"),
-        (f"{home}/histograms", "The intervals here are preliminary"),
+        (f"{home}/histograms", "Preliminary: these intervals assume"),
         (f"{home}/report", "report.html"),
         (f"{home}/samples", "400 samples"),
         (f"{home}/samples/3?pictures=true", "max_residual"),

@@ -1,5 +1,7 @@
 """Histograms on pages: places of bars and limits follow the numbers, and names keep off each other and the edges."""
 
+from itertools import pairwise
+
 import pytest
 
 from clearcap.web.pages.histograms import GROUND, LETTER, TOP, WIDTH, histogram_figure
@@ -30,6 +32,16 @@ def test_axis_and_limits_are_to_scale():
     assert [each.x for each in found.limits] == [ticks[2.0], ticks[4.0]] == pytest.approx([left, left + wide], abs=0.02)
     corners = [tuple(map(float, pair.split(","))) for pair in found.after.split()]
     assert [x for x, _ in corners[1:-1:2]] == [x for x, *_ in found.bars]
+
+
+@pytest.mark.parametrize("ends", [(0.155, 0.24), (118.0, 205.0), (0.0, 4.0), (-26.11, -25.93)])
+def test_axis_has_two_numbers(ends):
+    """Of one alone nobody reads a scale; none is over another."""
+    low, high = ends
+    ticks = figure(edges=[low, 0.5 * (low + high), high], before=[1, 1], lsl=None, usl=None).ticks
+    assert len(ticks) >= 2
+    for (x, words), (y, more) in pairwise(ticks):
+        assert y - x > 0.5 * LETTER * (len(words) + len(more))
 
 
 @pytest.mark.parametrize("limits", [(0.5, 4.2), (1.0, 1.001), (3.9, 4.0), (-500.0, 1.0), (-50.0, 1e6), (90.0, 100.0)])

@@ -175,6 +175,9 @@ def test_keys_are_picked(begun):
     new = tables["variables"]["A3_stiffness"]
     assert (tables["samples"], new["target"], new["distribution"]) == (77, "springs.A3.stiffness", "truncated_normal")
     assert fields_of(added)["v2.mean"] == str(new["mean"])
+    for page in (answer, added):
+        for key in re.findall(r'name="add" value="([^"]+)"', page.text):
+            assert f'id="add-{key}"' in page.text  # by which the focus stays when the form is rendered anew
     again = send(client, {**fields_of(added), "add": "J2"}, "check")
     assert tomllib.loads(text_of(again))["variables"]["J2"].keys() == {"distribution", "mean"}
     same = send(client, {**fields_of(again), "add": "J2"}, "check")

@@ -62,6 +62,10 @@ def test_what_samples_do_not_carry_is_grey(visit, home, explored, computing_serv
     assert int(runs) == json.loads(CliRunner().invoke(app, words).stdout)["refused"][0]["runs"]
     begun = visit(link).text
     assert "upper = 1.5" in begun
+    while_sliding = visit(f"{path}&preview=true").text  # no emulator is asked many times a second
+    assert "An emulator of the samples is asked when you let go" in while_sliding
+    assert "/campaigns/new?from" not in while_sliding
+    assert "when you let go" not in text
     assert f"samples = {runs}" in begun
     assert "/campaigns/new?from" not in visit(path, "viewer").text
 
