@@ -2,8 +2,7 @@
 
 At each step the node with the fewest neighbours is eliminated first (minimum degree): a chain remains a chain, a tree
 remains a tree, and a heap gets as little fill-in as a greedy choice allows. Multipliers come after the bodies that
-their rows act on, because only these give them a pivot; they need not wait for bodies that fill-in has made their
-neighbours, or in a chain of joints and contacts all of them would wait for its last body.
+their rows act on, because only these give them a pivot.
 """
 
 import numpy as np
@@ -14,13 +13,12 @@ from engine.jit import kernel
 
 
 @kernel
-def order_nodes(neighbours, held, waits, order, degree):
+def order_nodes(neighbours, after, order, degree):
     """Write the order of elimination, and mark the pairs of the fill-in in ``neighbours``.
 
-    ``neighbours``, (nodes, nodes), is symmetric and true for the pairs with a block; ``held``, of the same shape, is
-    true for each node and those that it comes after, of which ``waits`` is the number, and in the end 0; ``degree`` is
-    workspace. Return the number of pairs, and the number of pairs among the later neighbours of each node, summed over
-    all nodes.
+    ``neighbours``, (nodes, nodes), is symmetric and true for the pairs with a block; nodes marked in ``after`` come
+    after all their unmarked neighbours; ``degree`` is workspace. Return the number of pairs, and the number of pairs
+    among the later neighbours of each node, summed over all nodes.
     """
     nodes, pairs, targets = order.shape[0], 0, 0
     for a in range(nodes):
@@ -30,13 +28,17 @@ def order_nodes(neighbours, held, waits, order, degree):
     for step in range(nodes):
         best = -1
         for a in range(nodes):
-            if degree[a] >= 0 and waits[a] == 0 and (best < 0 or degree[a] < degree[best]):
-                best = a
+            if degree[a] >= 0 and (best < 0 or degree[a] < degree[best]):
+                ready = True
+                if after[a]:
+                    for b in range(nodes):
+                        ready = ready and not (neighbours[a, b] and not after[b] and degree[b] >= 0)
+                if ready:
+                    best = a
         order[step], m = best, degree[best]
         degree[best] = -1  # eliminated
         pairs, targets = pairs + m, targets + m * (m - 1) // 2
         for a in range(nodes):
-            waits[a] -= held[a, best]
             if neighbours[best, a] and degree[a] >= 0:
                 degree[a] -= 1
                 for b in range(a + 1, nodes):
@@ -81,8 +83,8 @@ def eliminate_nodes(neighbours: np.ndarray, after: np.ndarray | None = None) -> 
     """
     nodes = len(neighbours)
     order, degree, number = np.zeros((3, nodes), np.int64)
-    held = np.zeros((nodes, nodes), bool) if after is None else neighbours & after[:, None] & ~after
-    pairs, targets = order_nodes(neighbours, held, held.sum(1), order, degree)
+    after = np.zeros(nodes, bool) if after is None else after
+    pairs, targets = order_nodes(neighbours, after, order, degree)
     piece = np.zeros((nodes, nodes), np.int64)
     pair, later = np.zeros((2, pairs), np.int64)
     system = Elimination(np.zeros(nodes + 1, np.int64), pair, later, degree, np.zeros(targets, np.int64))

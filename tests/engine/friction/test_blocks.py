@@ -122,18 +122,6 @@ def test_multipliers_come_after_the_bodies_that_they_touch(seed):
         assert number[tie] > max(number[touched])
 
 
-def test_a_chain_of_joints_and_contacts_stays_a_chain():
-    """A multiplier waits for its own two bodies, not for those that elimination has made its neighbours."""
-    for links in (10, 40):
-        neighbours = np.zeros((2 * links, 2 * links), bool)  # the bodies, then the multipliers of their joints
-        for k in range(links):
-            for a, b in ((k, k - 1), (links + k, k), (links + k, k - 1)):
-                if b >= 0:
-                    neighbours[a, b] = neighbours[b, a] = True
-        system, _, _ = eliminate_nodes(neighbours, np.arange(2 * links) >= links)
-        assert system.pair.size == 5 * links - 5
-
-
 def test_pieces_are_rows_of_eight():
     """The sizes that kernels rely on."""
     assert (BODY, ROW, PIECE) == (6, 8, 48)
