@@ -12,7 +12,7 @@ from engine.assembly.bilateral import turning_arm
 from engine.assembly.table_cache import cached
 from engine.jit import Kernel
 from engine.kernels import time_loop
-from engine.kernels.model import Control
+from engine.kernels.model import Control, RunArrays
 from engine.kernels.record import record, row_length
 from engine.kernels.statics import hold_loads, may_hold
 from engine.kernels.time_loop import Course, new_course, run_to_end
@@ -70,18 +70,21 @@ def _extent(mechanism: Mechanism) -> float:
 def prepare(assembly: Assembly, control: Control) -> None:
     """Compile the time loop and the balance at rest, or load them from the cache, by calls that change nothing."""
     variant = assembly.model.contacts.hulls is None  # without meshes, kernels are compiled without what only these need
-    if isinstance(run_to_end, Kernel) and run_to_end.is_first_for(variant):
-        nowhere = control._replace(horizon=0.0)
-        run_to_end(assembly.arrays, nowhere, new_course(nowhere), np.zeros((1, 1)), 0, np.zeros(1, np.uint8))
-    if isinstance(hold_loads, Kernel) and hold_loads.is_first_for(
-        variant
-    ):  # the contacts' places were found at the start
-        state, work = copied(assembly.state), copied(assembly.work)
-        hold_loads(assembly.arrays._replace(state=state, work=work), 0, 0.0, control.step, -np.inf)  # no contacts
-    phases = len(assembly.model.phases.duration)
-    if isinstance(may_hold, Kernel) and phases > 1 and may_hold.is_first_for(variant):
-        state, work = copied(assembly.state), copied(assembly.work)
-        may_hold(assembly.arrays._replace(state=state, work=work), 0, 0.0, control.step)
+    nowhere = control._replace(horizon=0.0)
+
+    def untouched() -> RunArrays:
+        """Return the arrays with copies of what a run writes."""
+        return assembly.arrays._replace(state=copied(assembly.state), work=copied(assembly.work))
+
+    if isinstance(run_to_end, Kernel):
+        run_to_end.prepare(
+            variant,
+            lambda: (assembly.arrays, nowhere, new_course(nowhere), np.zeros((1, 1)), 0, np.zeros(1, np.uint8)),
+        )
+    if isinstance(hold_loads, Kernel):  # the contacts' places were found at the start; without any of them near
+        hold_loads.prepare(variant, lambda: (untouched(), 0, 0.0, control.step, -np.inf))
+    if isinstance(may_hold, Kernel) and len(assembly.model.phases.duration) > 1:
+        may_hold.prepare(variant, lambda: (untouched(), 0, 0.0, control.step))
 
 
 def drive(

@@ -15,7 +15,7 @@ import numpy as np
 from engine.arrays import Array, Integers
 from engine.assembly.frames import BodyFrame, tangent
 from engine.assembly.grain import grain_arrays, grain_of
-from engine.assembly.hulls import Hull, hull_arrays
+from engine.assembly.hulls import hull_arrays
 from engine.assembly.surface_trees import joined_surfaces, surface_tree
 from engine.assembly.table_cache import cached
 from engine.kernels.model import (
@@ -42,6 +42,7 @@ from engine.kernels.model import (
 from engine.mechanism.closed_profiles import Piece, off_axis
 from engine.mechanism.contacts import PAIRS, SEVERAL, Contact, Side
 from engine.mechanism.divided_profiles import divided
+from engine.mechanism.meshes.polyhedra import Polyhedron
 from engine.mechanism.models import Mechanism
 from engine.mechanism.surfaces.patches import mean_direction
 
@@ -140,7 +141,7 @@ class Pair:
     pieces: Array = field(default_factory=NO_PIECES.copy)  # (np, PIECE) of side b's profile; empty: it has none
     play: tuple[str, str] | None = None  # the joint and its face, for `joints.add_play`
     surface: Surfaces | None = None  # the tree of side b, if that is a surface
-    hulls: tuple[Hull, Hull] | None = None  # the convex polyhedra of both sides, of the kind HULLS
+    hulls: tuple[Polyhedron, Polyhedron] | None = None  # the convex polyhedra of both sides, of the kind HULLS
     bound: float = 0.0  # the largest force or torque of friction in an ideal joint; 0: friction follows from the law
     breakaway: float = 0.0  # the same of a joint that sticks
     partner: int = -1  # number of the contact whose rolling or spinning it resists; -1: none

@@ -13,11 +13,10 @@ from engine.kernels.model import Hulls
 from engine.mechanism.contacts import Side
 from engine.mechanism.meshes.polyhedra import Polyhedron, hull_of
 
-Hull = Polyhedron
 NOTHING = np.zeros((0, 4), np.int64)
 
 
-def hulls_of(side: Side, frame: BodyFrame) -> list[Hull]:
+def hulls_of(side: Side, frame: BodyFrame) -> list[Polyhedron]:
     """Return the convex polyhedra of a side from its body's centre of mass, without its skin."""
     shape = side.primitive
     if side.kind == "mesh":
@@ -43,7 +42,7 @@ def skin_of(side: Side, frame: BodyFrame) -> float:
     return frame.scale * float(side.primitive.radius) if side.kind in ("sphere", "capsule") else 0.0
 
 
-def ball_around(hull: Hull) -> tuple[Array, float]:
+def ball_around(hull: Polyhedron) -> tuple[Array, float]:
     """Return the middle of a polyhedron's corners, and the distance of the farthest one; of a half-space 0."""
     if not len(hull.corners):
         return np.zeros(3), 0.0
@@ -56,7 +55,7 @@ def _placed(points: Array, frame: BodyFrame) -> Array:
     return np.asarray(frame.origin + (frame.scale * points) @ frame.rotation.T)
 
 
-def hull_arrays(pairs: Sequence[tuple[Hull, Hull] | None]) -> Hulls | None:
+def hull_arrays(pairs: Sequence[tuple[Polyhedron, Polyhedron] | None]) -> Hulls | None:
     """Return the polyhedra of contacts as arrays; None if no contact has any. Equal objects are included once."""
     own = list({id(hull): hull for pair in pairs if pair for hull in pair}.values())
     if not own:

@@ -15,12 +15,13 @@ from engine.arrays import Array
 from engine.assembly.contacts import KINDS, NO_PIECES, Pair, geometry_row, profile_pieces, row_b
 from engine.assembly.frames import BodyFrame, tangent
 from engine.assembly.grain import grain_of
-from engine.assembly.hulls import Hull, ball_around, hulls_of, skin_of
+from engine.assembly.hulls import ball_around, hulls_of, skin_of
 from engine.assembly.table_cache import cached
 from engine.kernels.contact_geometry.boxes import CORNERS
 from engine.kernels.contact_geometry.rounds import CROSSING, EDGE, LAST, LOWER
 from engine.kernels.model import BOXES, HULLS, ROUNDS
 from engine.mechanism.contacts import OUTLINES, SEVERAL, Side
+from engine.mechanism.meshes.polyhedra import Polyhedron
 from engine.mechanism.models import Mechanism
 
 SHALLOW = 1e-5  # share of its radius; a rim that is deeper in the other solid is pushed out of any face
@@ -37,7 +38,7 @@ class _Feature:
     rows: tuple[Array, Array]
     skin: float
     pieces: Array
-    hulls: tuple[Hull, Hull] | None = None
+    hulls: tuple[Polyhedron, Polyhedron] | None = None
 
 
 def solid_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterator[Pair]:

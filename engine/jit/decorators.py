@@ -132,11 +132,14 @@ class Kernel:
         self._ready = self._ready or bool(self.compiled.signatures)
         return self._ready
 
-    def is_first_for(self, variant: object) -> bool:
-        """Return whether it has not been asked yet for a variant of its arguments' types, whose code may be missing."""
-        known = variant in self._variants
-        self._variants.add(variant)
-        return not known
+    def prepare(self, variant: object, arguments: Callable[[], tuple[Any, ...]]) -> None:
+        """Call it once for a variant of its arguments' types, whose code is compiled or loaded by that.
+
+        Other threads call it, too, until the first call has ended: so they wait here, and not in their runs.
+        """
+        if variant not in self._variants:
+            self(*arguments())
+            self._variants.add(variant)
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the compiled kernel."""

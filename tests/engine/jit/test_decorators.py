@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from engine.jit import Kernel
+
 pytestmark = pytest.mark.processes
 
 ROOT = Path(__file__).parents[3]
@@ -122,3 +124,20 @@ def test_loaded_code_needs_nothing_of_the_compiler(tmp_path):
     first, second = (run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "cache")) for _ in range(2))
     assert first.stdout.splitlines()[::2] == ["7.0 0", "25.0"], first.stderr
     assert second.stdout == "7.0 1\n[]\n25.0\n", second.stderr
+
+
+def test_a_kernel_is_prepared_once_for_each_variant():
+    """A variant is known when its first call has ended: whoever comes before that waits, too."""
+    prepared, asked = Kernel(lambda number: number), []
+    prepared.compiled = asked.append
+
+    def during():
+        if len(asked) == 0:
+            asked.append("within")
+            prepared.prepare("mesh", lambda: ("another thread",))
+        return ("first",)
+
+    prepared.prepare("mesh", during)
+    prepared.prepare("mesh", lambda: ("too late",))
+    prepared.prepare("none", lambda: ("other variant",))
+    assert asked == ["within", "another thread", "first", "other variant"]
