@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from reporting.errors import finite_in_order
 from reporting.shape.nonnormal import ENDS, FEWEST, empirical_indices, interval_of_quantiles, quantile_interval
 
 
@@ -48,3 +49,10 @@ def test_empirical_intervals_cover_the_truth(spread: float, n: int) -> None:
         (ppk_low, ppk_high), (pp_low, pp_high) = found.ppk_interval, found.pp_interval
         inside.append([ppk_low <= 1.2 <= ppk_high, pp_low <= (usl - lsl) / (high - low) <= pp_high])
     assert np.all(np.mean(inside, axis=0) >= 0.88)
+
+
+def test_finite_values_are_in_order_whatever_order_they_had():
+    """Ascending ones are not sorted again."""
+    for x in ([1.0, 2.0, 2.0], [2.0, 1.0, 2.0], [2.0, 2.0, 1.0], [np.nan, 2.0, np.inf, 1.0, 2.0]):
+        assert finite_in_order(x).tolist() == [1.0, 2.0, 2.0]
+    assert finite_in_order([]).size == 0
