@@ -39,10 +39,12 @@ def main() -> None:
     from dataclasses import replace
     from time import perf_counter, process_time
 
+    import numpy as np
     import pyarrow as pa
 
     from benchmarks.machine import most_memory_mib
     from reporting import write_report
+    from reporting.samples import AMBIGUOUS, AT_IMPACT, LATER
     from tests.reporting.synthetic import c60_spec, c60_table
 
     samples, folder = int(sys.argv[1]), Path(sys.argv[2])
@@ -55,11 +57,16 @@ def main() -> None:
             count = min(PIECE, samples - first)
             numbers = pa.array(range(first, first + count), pa.int64())
             table = c60_table(count, count // 1000, seed=first).set_column(0, "sample", numbers)
+            for name in LATER:
+                table = table.append_column(name, pa.array(np.full(count, 0.01)))
+            table = table.append_column(AT_IMPACT, pa.array([""] * count))
+            table = table.append_column(AMBIGUOUS, pa.array(np.zeros(count, bool)))
             making += perf_counter() - start
             yield table
 
     start = perf_counter()
-    written = write_report(pieces(), replace(spec, responses=spec.responses[:RESPONSES]), folder)
+    spec = replace(spec, responses=spec.responses[:RESPONSES], ordered=False)  # as a campaign's samples
+    written = write_report(pieces(), spec, folder)
     figures = {
         "samples": samples,
         "responses": RESPONSES,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reporting.arrays import Array
+from reporting.arrays import Array, Columns
 from reporting.capability.intervals import Estimate
 from reporting.capability.verdict import CAPABLE, WORST_FIRST, changed_by_failures
 from reporting.comparison import Comparison, compare
@@ -246,8 +246,8 @@ def _sensitivity(samples: Samples, spec: ReportSpec, known: Mapping[str, Known])
     if not spec.variables or not spec.responses or not np.any(samples.ok):
         return None
     return sensitivity(
-        {v.name: samples.values[v.name][samples.ok] for v in spec.variables},
-        {r.name: samples.values[r.name][samples.ok] for r in spec.responses},
+        Columns({v.name: samples.values[v.name] for v in spec.variables}).where(samples.ok),
+        Columns({r.name: samples.values[r.name] for r in spec.responses}).where(samples.ok),
         {r.name: (r.lsl, r.usl) for r in spec.responses},
         samples.sample[samples.ok],
         CONFIDENCE,

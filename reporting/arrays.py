@@ -1,9 +1,10 @@
-"""The type of the report's arrays, what of them is rounding, their ranks, Gauss's points, a random order of rows."""
+"""The type of the report's arrays, columns at some rows, what is rounding, ranks, Gauss's points, a random order."""
 
-from functools import lru_cache
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
@@ -12,6 +13,72 @@ MOST_ROWS = 200_000
 # A spread below this share of the largest value is rounding error: the values are a constant. A sum over some thousand
 # steps loses about this many of the last bits.
 ROUNDING = 1e-12
+
+
+class Columns(Mapping[str, Array]):
+    """Columns of a table at some of its rows; each is cut out when it is asked for, so that they are not all twice."""
+
+    @classmethod
+    def of(cls, columns: Mapping[str, ArrayLike]) -> "Columns":
+        """Return columns as such, at all of their rows."""
+        return columns if isinstance(columns, Columns) else cls(columns)
+
+    def __init__(self, columns: Mapping[str, ArrayLike], rows: NDArray[np.intp] | None = None) -> None:
+        self._columns = {name: np.asarray(column, np.float64) for name, column in columns.items()}
+        self._rows = rows  # None: all
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a column."""
+        column = self._columns[name]
+        return column if self._rows is None else column[self._rows]
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the names."""
+        return iter(self._columns)
+
+    def __len__(self) -> int:
+        """Return the number of columns."""
+        return len(self._columns)
+
+    @property
+    def sizes(self) -> set[int]:
+        """Lengths of the columns; more than one if they are not of one table."""
+        return {column.size if self._rows is None else self._rows.size for column in self._columns.values()}
+
+    def take(self, name: str, rows: NDArray[np.intp]) -> Array:
+        """Return a few rows of a column."""
+        return self._columns[name][rows if self._rows is None else self._rows[rows]]
+
+    def where(self, rows: NDArray[np.bool_]) -> "Columns":
+        """Return the columns at the rows for which the mask is True."""
+        if rows.all():
+            return self
+        return Columns(self._columns, np.flatnonzero(rows) if self._rows is None else self._rows[rows])
+
+    def only(self, names: Iterable[str]) -> "Columns":
+        """Return some of the columns."""
+        return Columns({name: self._columns[name] for name in names}, self._rows)
+
+    @cached_property
+    def finite(self) -> NDArray[np.bool_] | None:
+        """Whether all columns are finite at a row, shape (n,); None if they are at every row, or without columns."""
+        known = np.ones(1, bool)
+        for column in self._columns.values():
+            known = known & np.isfinite(column)
+        known = known if self._rows is None or not self._columns else known[self._rows]
+        return None if known.all() else known
+
+    @cached_property
+    def varying(self) -> "Columns":
+        """Return those of the columns that vary."""
+        return self.only([name for name, column in self.items() if varies(column)])
+
+
+def varies(column: Array) -> bool:
+    """Return whether a column varies by more than rounding errors."""
+    if column.size < 2:
+        return False
+    return float(np.std(column)) > ROUNDING * float(np.abs(column).max())
 
 
 @lru_cache(maxsize=8)
@@ -27,7 +94,9 @@ def random_rows(n: int) -> NDArray[np.intp]:
 
     Consecutive samples of a Sobol' sequence or a grid are not independent; groups in random order represent all rows.
     """
-    rows = np.random.Generator(np.random.PCG64(n)).permutation(n)[:MOST_ROWS].copy()
+    random = np.random.Generator(np.random.PCG64(n))
+    # of many rows a few are drawn in the time of these few, not of all
+    rows = random.permutation(n) if n <= MOST_ROWS else random.choice(n, MOST_ROWS, replace=False)
     rows.flags.writeable = False  # others get the same array
     return rows
 

@@ -12,6 +12,7 @@ from reporting.arrays import Array, centred_ranks, random_rows
 from reporting.samples import Samples
 from reporting.sensitivity.reject_attribution import largest_distance
 from reporting.shape.histogram import Histogram, histogram
+from reporting.shape.sorted_sample import sorted_sample
 from reporting.spec import ReportSpec, VariableSpec
 
 _FEWEST = 30
@@ -57,11 +58,12 @@ def analyse_variable(spec: VariableSpec, values: Array, sample: NDArray[np.int64
     """
     is_finite = np.isfinite(values)
     finite = values[is_finite]
+    ordered = sorted_sample(finite)
     low = -math.inf if spec.lower is None else spec.lower
     high = math.inf if spec.upper is None else spec.upper
     n = int(finite.size)
     mean_errors, std_errors = _errors(spec, finite, sample[is_finite])
-    distance = _distance(spec, finite)
+    distance = _distance(spec, ordered.values)
     return VariableAnalysis(
         spec=spec,
         n=n,
@@ -70,7 +72,7 @@ def analyse_variable(spec: VariableSpec, values: Array, sample: NDArray[np.int64
         min=float(finite.min()) if n else None,
         max=float(finite.max()) if n else None,
         outside=int(np.count_nonzero((finite < low) | (finite > high))) + values.size - n,
-        histogram=histogram(finite, *((spec.lower, spec.upper) if low < high else ())),
+        histogram=histogram(ordered, *((spec.lower, spec.upper) if low < high else ())),
         mean_errors=mean_errors,
         std_errors=std_errors,
         distance=distance,
@@ -120,11 +122,11 @@ def _errors(spec: VariableSpec, x: Array, sample: NDArray[np.int64]) -> tuple[fl
 
 
 def _distance(spec: VariableSpec, x: Array) -> float | None:
-    """Return Kolmogorov's distance at the points of the requested distribution; None below 30 values."""
+    """Return Kolmogorov's distance of ascending values at points of the requested distribution; None below 30."""
     if not spec.cdf or x.size < _FEWEST or spec.std <= 0:
         return None
     at, p = np.asarray(spec.cdf, np.float64).T
-    return float(np.max(np.abs(np.searchsorted(np.sort(x), at, side="right") / x.size - p)))
+    return float(np.max(np.abs(np.searchsorted(x, at, side="right") / x.size - p)))
 
 
 # What separates the failed samples from the ok ones: each variable in both groups.

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import pdtr, pdtrc
 
-from reporting.arrays import Array, centred_ranks
+from reporting.arrays import Array, Columns, centred_ranks, random_rows
 from reporting.capability.intervals import (
     Interval,
     fisher_interval,
@@ -91,9 +91,9 @@ def product_yield(samples: Samples, spec: ReportSpec, confidence: float, unfit: 
     n = int(np.count_nonzero(complete))
     rejected = np.any(list(failed.values()), axis=0)
     conforming = n - int(np.count_nonzero(rejected))
-    inputs = {v.name: samples.values[v.name][complete] for v in spec.variables}
+    inputs = Columns({v.name: samples.values[v.name] for v in spec.variables}).where(complete)
     lots = None if independent(samples.lots) or samples.lots is None else samples.lots[complete]
-    values = {name: samples.values[name][complete] for name in failed}
+    values = Columns({name: samples.values[name] for name in failed}).where(complete)
     effect, effects = _effects(failed, rejected, lots, values, confidence)
     rolled = math.prod(1 - float(np.mean(out)) for out in failed.values()) if n else None
     return ProductYield(
@@ -220,7 +220,7 @@ class ResponseCorrelation:
     pearson: float
     interval: Interval  # of Pearson's r, by Fisher's z; with production lots, of as many independent samples
     rank: float  # Spearman's
-    n: int  # samples
+    n: int  # samples, at most 200,000 random ones of those that have both
 
 
 def response_correlations(samples: Samples, spec: ReportSpec, confidence: float) -> tuple[ResponseCorrelation, ...]:
@@ -229,16 +229,17 @@ def response_correlations(samples: Samples, spec: ReportSpec, confidence: float)
     if not spec.design.production:
         return ()
     has = {name: samples.ok & np.isfinite(samples.values[name]) for name in names}
-    whole = {name: centred_ranks(samples.values[name][has[name]]) for name in names}
+    known = {name: int(np.count_nonzero(mask)) for name, mask in has.items()}
+    whole = {name: centred_ranks(samples.values[name][_some(mask)]) for name, mask in has.items()}
     for both in combinations(names, 2):
-        first, second = both
-        rows = np.flatnonzero(has[first] & has[second])
-        if rows.size < FEWEST:
+        mask = has[both[0]] & has[both[1]]
+        rows, count = _some(mask), int(np.count_nonzero(mask))
+        if count < FEWEST:
             continue
         columns = [samples.values[name][rows] for name in both]
         pair = [column - column.mean() for column in columns]
         ranks = [
-            whole[name] if whole[name].size == rows.size else centred_ranks(column)
+            whole[name] if known[name] == count else centred_ranks(column)
             for name, column in zip(both, columns, strict=True)
         ]
         # the mean of equal values may differ from them by rounding; their ranks do not
@@ -250,8 +251,14 @@ def response_correlations(samples: Samples, spec: ReportSpec, confidence: float)
         worth = float(rows.size)
         if samples.lots is not None and not independent(samples.lots):
             worth = min(describe_lots(column, samples.lots[rows]).effective for column in pair)
-        found.append(ResponseCorrelation(first, second, r, fisher_interval(r, worth, confidence), rank, rows.size))
+        found.append(ResponseCorrelation(*both, r, fisher_interval(r, worth, confidence), rank, rows.size))
     return tuple(sorted(found, key=lambda each: -abs(each.pearson)))
+
+
+def _some(mask: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return the rows for which a mask is True, at most 200,000 random ones, in order."""
+    rows = np.flatnonzero(mask)
+    return rows[np.sort(random_rows(rows.size))]
 
 
 # The share of samples whose parts cannot be assembled, with its interval, and the limit that it has to keep.

@@ -7,14 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from reporting.arrays import Array
+from reporting.arrays import Array, Columns
 from reporting.capability.intervals import Estimate, share_lower_bound
 from reporting.capability.row_order import ControlChart, Convergence, control_chart, convergence
 from reporting.capability.shares import Nonconforming, Share, nonconforming, runs_to_claim
 from reporting.capability.summary import Capability, Historical, TargetIndices, capability, historical, target_indices
 from reporting.capability.verdict import CapabilityVerdict, bars_of, verdict
 from reporting.capability.within import SubgroupSigma, subgroup_sigmas
-from reporting.errors import ReportError, finite_in_order
+from reporting.errors import ReportError
 from reporting.gauge import BehindGauge, Conformity, behind_gauge, conformity
 from reporting.samples import Samples, why_no_value
 from reporting.sensitivity.influence import ResponseSensitivity
@@ -32,6 +32,7 @@ from reporting.shape.histogram import Histogram, histogram
 from reporting.shape.nonnormal import NonnormalIndices, empirical_indices
 from reporting.shape.normality import PROVEN_P, Normality, ProbabilityPlot, departs, normality, probability_plot
 from reporting.shape.pareto import TailShare, pareto_tails
+from reporting.shape.sorted_sample import SortedSample, sorted_sample
 from reporting.shape.supported_indices import supported_indices
 from reporting.shape.time_model import TimeModel, time_model
 from reporting.spec import ReportSpec, ResponseSpec
@@ -113,6 +114,7 @@ def analyse_response(
 ) -> ResponseAnalysis:
     """Analyse one response over the ok samples, and over the corners; `further` estimates come from other samples."""
     values = samples.values[spec.name][samples.ok]
+    inputs = Columns({v.name: samples.values[v.name] for v in request.variables}).where(samples.ok)
     batches = None if samples.production_batch is None else samples.production_batch[samples.ok]
     lots = None if samples.lots is None else samples.lots[samples.ok]
     try:
@@ -121,10 +123,11 @@ def analyse_response(
         )
     except ReportError as error:
         raise ReportError(f"response {spec.name}: {error}") from error
-    x, lots = values[np.isfinite(values)], None if lots is None else lots[np.isfinite(values)]
+    finite = np.isfinite(values)
+    x, lots = values if finite.all() else values[finite], None if lots is None else lots[finite]
     # An ok sample without a finite value may be a reject just as a failed one.
     counted = nonconforming(x, spec.lsl, spec.usl, confidence, samples.sample.size - x.size, lots)
-    ordered = finite_in_order(x)
+    ordered = sorted_sample(x)
     shape = normality(ordered, confidence, None if numbers.lots is None else numbers.lots.effective)
     limited = spec.lsl is not None or spec.usl is not None
     fits = _fits(ordered, spec)
@@ -159,32 +162,30 @@ def analyse_response(
         capability=numbers,
         target_indices=target_indices(x, spec.lsl, spec.usl, spec.target, confidence, lots),
         historical=None if spec.historical is None else historical(numbers, *spec.historical),
-        subgroups=() if batches is None else subgroup_sigmas(x, batches[np.isfinite(values)], spec.lsl, spec.usl),
+        subgroups=() if batches is None else subgroup_sigmas(x, batches[finite], spec.lsl, spec.usl),
         missing=numbers.dropped,
         yield_=with_failures,
-        histogram=None if numbers.std == 0 else histogram(x, spec.lsl, spec.usl),
+        histogram=None if numbers.std == 0 else histogram(ordered, spec.lsl, spec.usl),
         worst=None if corners is None else _corners(spec, *corners),
-        stack=_stack(spec, samples, request),
+        stack=_stack(values, inputs, spec, request),
         nonconforming=counted,
         expected=expected_share(numbers, fits, methods, tails, normal=normal),
         claim_runs=None if counted is None else _runs_to_claim(counted.total, confidence),
         tails=tails,
         normality=shape,
-        plot=probability_plot(x, confidence=confidence),
+        plot=probability_plot(ordered, confidence=confidence),
         fits=fits,
         methods=methods,
-        tolerance_intervals=tolerance_intervals(x, shape, fits, confidence, lots)
+        tolerance_intervals=tolerance_intervals(x, shape, fits, confidence, lots, ordered)
         if request.design.production
         else None,
         gauge=None if spec.gauge_sigma is None else _behind_gauge(x, spec, normal, numbers, confidence),
         conformity=None if spec.uncertainty is None else conformity(x, spec.lsl, spec.usl, spec.uncertainty),
-        chart=_chart(x, lots, samples, np.isfinite(values), request),
-        time_model=_time_model(x, lots, samples, np.isfinite(values), request),
+        chart=_chart(x, lots, samples, finite, request),
+        time_model=_time_model(x, lots, samples, finite, request),
         running=convergence(x, spec.lsl, spec.usl, confidence, lots),
         sensitivity=sensitivity,
-        scatters=()
-        if numbers.std == 0
-        else scatters(sensitivity, {v.name: samples.values[v.name][samples.ok] for v in request.variables}, values),
+        scatters=() if numbers.std == 0 else scatters(sensitivity, inputs, values),
     )
 
 
@@ -253,27 +254,21 @@ def _corners(spec: ResponseSpec, samples: Samples, request: ReportSpec) -> Worst
     return worst_case(everywhere, inputs, spec.lsl, spec.usl)
 
 
-def _stack(spec: ResponseSpec, samples: Samples, request: ReportSpec) -> LinearStack | None:
+def _stack(y: Array, inputs: Columns, spec: ResponseSpec, request: ReportSpec) -> LinearStack | None:
     """Return worst case and root sum of squares from slopes; None if the samples are not production or too few."""
     if not request.design.production:
         return None
-    return linear_stack(
-        samples.values[spec.name][samples.ok],
-        {v.name: samples.values[v.name][samples.ok] for v in request.variables},
-        request.variables,
-        (spec.lsl, spec.usl),
-        correlated=bool(request.correlations),
-        command=request.command,
-    )
+    limits, correlated = (spec.lsl, spec.usl), bool(request.correlations)
+    return linear_stack(y, inputs, request.variables, limits, correlated=correlated, command=request.command)
 
 
-def _fits(x: Array, spec: ResponseSpec) -> Fits:
-    if x.size < _FEWEST_FOR_A_FIT:
-        return unfitted(f"{x.size} values are too few to fit a distribution: {_FEWEST_FOR_A_FIT} are needed.")
+def _fits(x: SortedSample, spec: ResponseSpec) -> Fits:
+    if x.values.size < _FEWEST_FOR_A_FIT:
+        return unfitted(f"{x.values.size} values are too few to fit a distribution: {_FEWEST_FOR_A_FIT} are needed.")
     return fit_families(x, limits=(spec.lsl, spec.usl))
 
 
-def _methods(x: Array, fits: Fits, spec: ResponseSpec, confidence: float) -> tuple[NonnormalIndices, ...]:
+def _methods(x: SortedSample, fits: Fits, spec: ResponseSpec, confidence: float) -> tuple[NonnormalIndices, ...]:
     fitted = supported_indices(x, fits, spec.lsl, spec.usl, confidence)
     return (*fitted, empirical_indices(x, spec.lsl, spec.usl, confidence))
 

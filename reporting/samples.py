@@ -6,7 +6,7 @@ a million rows are never in memory together. Repeats are samples that were simul
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -27,13 +27,34 @@ if TYPE_CHECKING:
 
 CERTIFICATE = ("sample", "status", "message", "max_residual", "max_penetration", "settled")
 OPTIONAL = "wall_s"
-LATER = ("created_energy", "lost_energy", "max_kinetic_energy", "max_turn")  # rows of earlier builds lack them
+LIMITED, SHARES = ("max_residual", "max_penetration"), ("created_energy", "lost_energy")
+KINETIC, TURN = "max_kinetic_energy", "max_turn"
+LATER = (*SHARES, KINETIC, TURN)  # rows of earlier builds lack them
 AT_IMPACT, AMBIGUOUS = "at_impact", "ambiguous"  # earlier builds have neither
 IMPORTANCE = ("component", "log_weight", "aimed")
 OK = "ok"
 MESSAGES_KEPT = 20  # of each status
 # Values beyond this have powers that are no numbers, and values closer to each other than this have none either.
 LARGEST, SMALLEST = 1e30, 1e-30
+
+
+@dataclass(frozen=True)
+class Largest:
+    """The largest number of a column of certificates over the ok rows; the column itself is not kept."""
+
+    value: float = -math.inf
+    sample: int = -1  # the first with this number
+    stated: int = 0  # ok rows that have a number
+
+    def or_of(self, values: Array, sample: NDArray[np.int64]) -> "Largest":
+        """Return the largest of this one and of further ok rows, shape (n,); a number that is not finite is none."""
+        stated = np.flatnonzero(np.isfinite(values))
+        found = replace(self, stated=self.stated + stated.size)
+        if not stated.size:
+            return found
+        row = int(stated[np.argmax(values[stated])])
+        more = float(values[row]) > self.value
+        return replace(found, value=float(values[row]), sample=int(sample[row])) if more else found
 
 
 @dataclass(frozen=True)
@@ -47,16 +68,15 @@ class Samples:
     ok: NDArray[np.bool_]  # whether the status is "ok"
     # variables and responses by name, NaN where the table has none; a response is valid only where `ok`
     values: dict[str, Array]
-    max_residual: Array
-    max_penetration: Array
+    # Of the ok rows, whatever `where` leaves: "max_residual", "max_penetration", and where the rows have all columns of
+    # `LATER`, "created_energy" and "lost_energy" as shares of the largest kinetic energy, and "max_turn"
+    largest: dict[str, "Largest"]
     settled: NDArray[np.bool_]
     penetration_unit: str  # in the metadata of the column; empty without one
     production_batch: NDArray[np.int64] | None  # number of each sample's batch; None without batches
     run_seconds: float | None  # total time of the runs [s]; None if the rows do not state it
     # "component", "log_weight" and "aimed"; empty for others
     importance: dict[str, Array] = field(default_factory=dict)
-    # The columns of `LATER`, NaN where a row has none; empty if no row has them all.
-    later: dict[str, Array] = field(default_factory=dict)
     # Group of production batches of each sample, where variables have batches of different sizes: samples of different
     # groups share no shift. None where each production batch is such a group.
     lot: NDArray[np.int64] | None = None
@@ -83,7 +103,7 @@ class Samples:
         for name, value in vars(self).items():
             if isinstance(value, np.ndarray):
                 of_rows[name] = value[rows]
-            elif isinstance(value, dict) and name != "messages":
+            elif isinstance(value, dict) and name not in ("messages", "largest"):
                 of_rows[name] = {key: column[rows] for key, column in value.items()}
         return replace(self, **of_rows)
 
@@ -99,59 +119,111 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
     needed += [spec.production_batch_column] if spec.production_batch_column else []
     needed += [spec.subgroup_column] if spec.subgroup_column else []
     needed += IMPORTANCE if spec.proposal else ()
-    # One empty array each, because a campaign may have no table yet.
-    pieces: dict[str, list[Array]] = {name: [np.zeros(0)] for name in (*needed, *LATER)}
-    codes, statuses, messages = [np.zeros(0, np.int16)], dict[str, int](), dict[int, str]()
+    columns = {name: _Column(np.float64) for name in needed if name not in CERTIFICATE}
+    sample, status, settled = _Column(np.int64), _Column(np.int16), _Column(np.bool_)
+    struck, ambiguous = _Column(np.int32), _Column(np.bool_)
+    statuses, lists, messages = dict[str, int](), dict[str, int](), dict[str, dict[int, str]]()
+    largest, later = dict.fromkeys((*LIMITED, *SHARES, TURN), Largest()), dict.fromkeys(LATER, False)
     unit, seconds = "", None
-    struck, ambiguous = list[str](), list[Array]()
     for table in _tables(rows):
         _check_columns(table, spec, needed)
         unit = (table.schema.field("max_penetration").metadata or {}).get(b"unit", b"").decode() or unit
-        for name in needed:
-            pieces[name].append(_numbers(table, name))
-        for name in LATER:
-            there = name in table.column_names
-            pieces[name].append(_numbers(table, name) if there else np.full(table.num_rows, np.nan))
-        codes.append(_statuses(table, statuses, messages))
+        for name, column in columns.items():
+            column.add(_numbers(table, name))
+        numbers, codes = _numbers(table, "sample").astype(np.int64), _statuses(table, statuses, messages)
+        sample.add(numbers)
+        status.add(codes)
+        settled.add(_numbers(table, "settled") == 1.0)
+        ok = codes == statuses.get(OK, -1)
+        for name, values in _certificates(table, later):
+            largest[name] = largest[name].or_of(values[ok], numbers[ok])
         if OPTIONAL in table.column_names:
             seconds = (seconds or 0.0) + float(np.nansum(_numbers(table, OPTIONAL)))
         if AT_IMPACT in table.column_names and AMBIGUOUS in table.column_names:
-            struck += [text or "" for text in _strings(table, AT_IMPACT).to_pylist()]
-            ambiguous.append(_numbers(table, AMBIGUOUS))
-    later = {name: np.concatenate(pieces.pop(name)) for name in LATER}
-    columns = {name: np.concatenate(pieces.pop(name)) for name in needed}
-    sample, status = columns.pop("sample").astype(np.int64), np.concatenate(codes)
-    _check_rows(sample, spec.requested)
+            struck.add(_codes(_strings(table, AT_IMPACT), lists))
+            ambiguous.add(_numbers(table, AMBIGUOUS) == 1.0)
+    _check_rows(sample.array, spec.requested)
     sizes = [variable.batch for variable in spec.variables]
-    batch = columns.pop(spec.production_batch_column).astype(np.int64) if spec.production_batch_column else None
-    subgroup = columns.pop(spec.subgroup_column).astype(np.int64) if spec.subgroup_column else None
+    batch, subgroup = (
+        columns.pop(name).array.astype(np.int64) if name else None
+        for name in (spec.production_batch_column, spec.subgroup_column)
+    )
+    remarked = struck.array.size == sample.array.size
     return Samples(
-        sample=sample,
-        status=status,
+        sample=sample.array,
+        status=status.array,
         statuses=tuple(statuses),
-        messages=messages,
-        ok=status == statuses.get(OK, -1),
-        max_residual=columns.pop("max_residual"),
-        max_penetration=columns.pop("max_penetration"),
-        settled=columns.pop("settled") == 1.0,
+        messages={number: text for kept in messages.values() for number, text in kept.items()},
+        ok=status.array == statuses.get(OK, -1),
+        largest=largest if all(later.values()) else {name: largest[name] for name in LIMITED},
+        settled=settled.array,
         penetration_unit=unit,
         production_batch=batch,
         subgroup=subgroup,
-        lot=whole_lots(sample, sizes),
+        lot=whole_lots(sample.array, sizes),
         run_seconds=seconds,
-        importance={name: columns.pop(name) for name in IMPORTANCE} if spec.proposal else {},
-        later=later if all(np.isfinite(column).any() for column in later.values()) else {},
-        values=columns,
-        at_impact=_marked(struck) if len(struck) == sample.size else {},
-        ambiguous=np.concatenate(ambiguous) == 1.0 if len(struck) == sample.size and ambiguous else None,
+        importance={name: columns.pop(name).array for name in IMPORTANCE} if spec.proposal else {},
+        values={name: column.array for name, column in columns.items()},
+        at_impact=_marked(struck.array, lists) if remarked else {},
+        ambiguous=ambiguous.array if remarked and sample.array.size else None,
     )
 
 
-def _marked(lists: list[str]) -> dict[str, NDArray[np.bool_]]:
-    """Return for each name in lists of names, separated by commas, which of the lists have it."""
-    split = {text: text.split(",") for text in set(lists) if text}
-    names = sorted({name for listed in split.values() for name in listed})
-    return {name: np.array([name in split.get(text, ()) for text in lists], bool) for name in names}
+class _Column:
+    """Numbers that come table by table; what is reserved for further ones is no memory before they come."""
+
+    def __init__(self, kind: type[np.generic]) -> None:
+        self._reserved, self._size = np.empty(0, kind), 0
+
+    def add(self, values: NDArray[Any]) -> None:
+        """Add the numbers of a table."""
+        end = self._size + values.size
+        if end > self._reserved.size:
+            more = np.empty(max(end, 2 * self._reserved.size), self._reserved.dtype)
+            more[: self._size] = self.array
+            self._reserved = more
+        self._reserved[self._size : end] = values
+        self._size = end
+
+    @property
+    def array(self) -> NDArray[Any]:
+        """All numbers."""
+        return self._reserved[: self._size]
+
+
+def _certificates(table: "pyarrow.Table", later: dict[str, bool]) -> "Iterator[tuple[str, Array]]":
+    """Yield the columns of which only the largest number is kept; note in `later` which of `LATER` have a number."""
+    for name in LIMITED:
+        yield name, _numbers(table, name)
+    found = {name: _numbers(table, name) for name in LATER if name in table.column_names}
+    for name, values in found.items():
+        later[name] |= bool(np.isfinite(values).any())
+    nothing = np.full(table.num_rows, np.nan)
+    kinetic, shares = found.get(KINETIC, nothing), np.zeros((len(SHARES), table.num_rows))  # 0 of runs without motion
+    for name, share in zip(SHARES, shares, strict=True):
+        np.divide(found.get(name, nothing), kinetic, out=share, where=kinetic != 0.0)
+    shares[:, ~np.isfinite(shares).all(axis=0)] = np.nan  # a row states both or neither
+    yield from zip(SHARES, shares, strict=True)
+    yield TURN, found.get(TURN, nothing)
+
+
+def _codes(words: "pyarrow.ChunkedArray", codes: dict[str, int]) -> NDArray[np.int32]:
+    """Return the texts of a column, an empty one for null, as codes; add new texts to `codes`."""
+    import pyarrow
+
+    encoded = words.fill_null("").dictionary_encode().combine_chunks()
+    encoded = encoded if isinstance(encoded, pyarrow.DictionaryArray) else encoded.chunk(0)
+    translate = [codes.setdefault(word, len(codes)) for word in encoded.dictionary.to_pylist()]
+    found: NDArray[np.int32] = np.array([*translate, 0], np.int32)[
+        encoded.indices.to_numpy(zero_copy_only=False).astype(np.int64)
+    ]
+    return found
+
+
+def _marked(codes: NDArray[np.int32], lists: dict[str, int]) -> dict[str, NDArray[np.bool_]]:
+    """Return for each name in lists of names, separated by commas and given by their codes, which of them have it."""
+    names = sorted({name for text in lists if text for name in text.split(",")})
+    return {name: np.array([name in text.split(",") for text in lists], bool)[codes] for name in names}
 
 
 def whole_lots(sample: NDArray[np.int64], sizes: Iterable[int]) -> NDArray[np.int64] | None:
@@ -207,8 +279,8 @@ def _check_rows(sample: NDArray[np.int64], requested: int) -> None:
         )
 
 
-def _statuses(table: "pyarrow.Table", codes: dict[str, int], messages: dict[int, str]) -> NDArray[np.int16]:
-    """Return the status of each row as its code; add new statuses to `codes` and their first messages to `messages`."""
+def _statuses(table: "pyarrow.Table", codes: dict[str, int], messages: dict[str, dict[int, str]]) -> NDArray[np.int16]:
+    """Return the status of each row as its code; add new statuses to `codes`, and first messages by their status."""
     import pyarrow
 
     words = _strings(table, "status")
@@ -218,16 +290,12 @@ def _statuses(table: "pyarrow.Table", codes: dict[str, int], messages: dict[int,
         raise ReportError(
             f"sample {table['sample'][at].as_py()} has no status; repair its row or compute its batch again"
         )
-    encoded = words.dictionary_encode().combine_chunks()
-    encoded = encoded if isinstance(encoded, pyarrow.DictionaryArray) else encoded.chunk(0)
-    translate = [codes.setdefault(word, len(codes)) for word in encoded.dictionary.to_pylist()]
-    status: NDArray[np.int16] = np.array([*translate, 0], np.int16)[
-        encoded.indices.to_numpy(zero_copy_only=False).astype(np.int64)
-    ]
+    status = _codes(words, codes).astype(np.int16)
     texts, sample = _strings(table, "message"), table["sample"]
     for word, code in codes.items():
-        for row in np.flatnonzero(status == code)[:MESSAGES_KEPT] if word != OK else ():
-            messages[sample[int(row)].as_py()] = texts[int(row)].as_py() or ""
+        kept = messages.setdefault(word, {})
+        for row in np.flatnonzero(status == code)[: MESSAGES_KEPT - len(kept)] if word != OK else ():
+            kept[sample[int(row)].as_py()] = texts[int(row)].as_py() or ""
     return status
 
 

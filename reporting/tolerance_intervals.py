@@ -22,6 +22,7 @@ from reporting.capability.lots import FEW_LOTS, Lots, describe_lots, design_effe
 from reporting.capability.shares import MOST
 from reporting.shape.fitting import Fits
 from reporting.shape.normality import FEWEST_FOR_WORDS, Normality
+from reporting.shape.sorted_sample import SortedSample, sorted_sample
 from reporting.shape.supported_indices import supported_quantiles
 
 # Standard errors of the mean beyond which its distribution is negligible; number of Gauss-Legendre points up to there.
@@ -61,28 +62,34 @@ class ToleranceIntervals:
 
 @dataclass(frozen=True)
 class _Worth:
-    """Information in the values; `effect` returns how many marked ones count as one independent value."""
+    """Information in the values; `effect` returns how many marked ones count as one independent value, None: one."""
 
     mean: float
     std: float
     n: float  # independent values that determine the mean as well
     nu: float  # degrees of freedom of std
-    effect: Callable[[NDArray[np.bool_]], float]
+    effect: Callable[[NDArray[np.bool_]], float] | None
 
 
 @np.errstate(over="ignore", invalid="ignore")  # squares: such values are never treated as normal, or have no shape
 def tolerance_intervals(
-    x: Array, shape: Normality, fits: Fits, confidence: float, lots: NDArray[np.generic] | None = None
+    x: Array,
+    shape: Normality,
+    fits: Fits,
+    confidence: float,
+    lots: NDArray[np.generic] | None = None,
+    ordered: SortedSample | None = None,
 ) -> ToleranceIntervals:
     """Return the tolerance intervals of finite values, for a confidence of at least 0.5.
 
     The normal ones also hold for the other candidates of `fits`, and with `lots`, shape (n,), use the mean squares
     between and within lots (Satterthwaite 1946); the others the effective number of values (Korn and Graubard 1998).
+    `ordered` are the same values in ascending order, if somebody has sorted them.
     """
     refusal = _refused(x.size, shape)
     if lots is None or independent(lots):
         mean, std = (float(np.mean(x)), float(np.std(x, ddof=1))) if x.size > 1 else (math.nan, math.nan)
-        worth, note = _Worth(mean, std, x.size, x.size - 1, lambda _: 1.0), refusal or _basis(x.size, fits)
+        worth, note = _Worth(mean, std, x.size, x.size - 1, None), refusal or _basis(x.size, fits)
     else:
         described = describe_lots(x, lots)
         if not math.isfinite(described.effective):
@@ -97,13 +104,13 @@ def tolerance_intervals(
             f"{refusal or _basis(x.size, fits)} All are computed from the differences between {described.count} "
             f"production lots, whose values are worth {described.effective:.0f} independent ones."
         )
-    ordered = np.sort(x)
+    ordered = sorted_sample(x if ordered is None else ordered)
     claims = tuple(_claim(x, ordered, worth, content, confidence, normal=not refusal) for content in CONTENTS)
     return ToleranceIntervals(confidence, claims if refusal else _widened(ordered, claims, fits, confidence), note)
 
 
 def _widened(
-    ordered: Array, claims: tuple[ContentClaim, ...], fits: Fits, confidence: float
+    ordered: SortedSample, claims: tuple[ContentClaim, ...], fits: Fits, confidence: float
 ) -> tuple[ContentClaim, ...]:
     """Return the claims with normal limits as far out as those of the other families that the values do not rule out.
 
@@ -140,7 +147,9 @@ def _of_lots(x: Array, lots: NDArray[np.generic], described: Lots, confidence: f
     )
 
 
-def _claim(x: Array, ordered: Array, worth: _Worth, content: float, confidence: float, *, normal: bool) -> ContentClaim:
+def _claim(
+    x: Array, ordered: SortedSample, worth: _Worth, content: float, confidence: float, *, normal: bool
+) -> ContentClaim:
     """Return the intervals for one content of values, which are given in their own order and in ascending order."""
     found = _without(content, confidence)
     if normal:
@@ -152,16 +161,20 @@ def _claim(x: Array, ordered: Array, worth: _Worth, content: float, confidence: 
         found = replace(found, normal=(low, high), normal_lower=worth.mean - beyond, normal_upper=worth.mean + beyond)
     if x.size == 0:
         return found
-    low, high, outer_low, outer_high = np.quantile(x, (1 - content, content, (1 - content) / 2, (1 + content) / 2))
-    # Values of a lot lie beyond a limit together: the design effect is that of the share beyond the quantile that the
-    # limit estimates.
-    marked = (x < low, x > high, (x < outer_low) | (x > outer_high))
-    lower, upper, both = (most_blocks(x.size, content, confidence, worth.effect(out)) for out in marked)
+    lower = upper = both = most_blocks(x.size, content, confidence)
+    if worth.effect is not None:
+        low, high, outer_low, outer_high = ordered.quantiles(
+            (1 - content, content, (1 - content) / 2, (1 + content) / 2)
+        )
+        # Values of a lot lie beyond a limit together: the design effect is that of the share beyond the quantile that
+        # the limit estimates.
+        marked = (x < low, x > high, (x < outer_low) | (x > outer_high))
+        lower, upper, both = (most_blocks(x.size, content, confidence, worth.effect(out)) for out in marked)
     return replace(
         found,
-        free=two_sided_order_interval(ordered, both),
-        free_lower=one_sided_order_limit(ordered, lower, upper=False),
-        free_upper=one_sided_order_limit(ordered, upper, upper=True),
+        free=two_sided_order_interval(ordered.values, both),
+        free_lower=one_sided_order_limit(ordered.values, lower, upper=False),
+        free_upper=one_sided_order_limit(ordered.values, upper, upper=True),
     )
 
 

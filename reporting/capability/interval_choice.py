@@ -31,6 +31,7 @@ a few thousandths of its width.
 
 import math
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,7 +42,7 @@ from reporting.arrays import Array
 from reporting.capability.indices import centring, overall_intervals, point_indices
 from reporting.capability.intervals import Interval, bench_slopes, cpm_interval, mean_interval, std_interval
 from reporting.capability.lots import FEW_LOTS, Lots, lots_worth, variance_components
-from reporting.capability.moments import FEWEST_FOR_SHAPE, LIKELY, normal_moments_p
+from reporting.capability.moments import FEWEST_FOR_SHAPE, LIKELY, normal_moments_p, normal_shape_p
 from reporting.format_numbers import part
 
 # Floor of the spread of squares: at its lower bound 0 sigma would be exact, which a few values cannot prove.
@@ -51,6 +52,7 @@ _LEAST_FREEDOM = 2.0
 _LARGEST_CORRELATION = 0.99
 # Smallest lower end of the interval of a variance, as a share of the variance.
 _LEAST_VARIANCE = 0.02
+_POWERS, _PIECE = 8, 100_000  # of running moments: sums of powers, and values at a time
 
 
 @dataclass(frozen=True)
@@ -66,21 +68,72 @@ class Precision:
     freedom: float  # degrees of freedom of the variance of s^2: few if a few values dominate it
 
 
-def precision_of_values(x: Array, kurtosis: float, confidence: float) -> Precision:
-    """Return the precision of mean and sigma from at least 4 independent values; `kurtosis` is their excess G2."""
-    n = x.size
+@dataclass(frozen=True)
+class OwnMoments:
+    """Moments of n independent values on which the intervals of mean and sigma rest; `third` and on of scores."""
+
+    n: int
+    mean: float  # in the unit of the values
+    square: float  # mean squared deviation
+    third: float  # mean of the third powers of the standardised values
+    fourth: float
+    freedom: float  # of the spread; see `freedom_of_spread`
+
+    @property
+    def kurtosis(self) -> float:
+        """Excess kurtosis G2."""
+        return (self.n - 1) / ((self.n - 2) * (self.n - 3)) * ((self.n + 1) * (self.fourth - 3) + 6)
+
+    def precision(self, kurtosis: float, confidence: float) -> Precision:
+        """Return the precision of mean and sigma of at least 4 values; `kurtosis` is their excess G2."""
+        n, std = self.n, math.sqrt(self.square * self.n / (self.n - 1))
+        spread = max(kurtosis + 3 - (n - 3) / (n - 1), _LEAST_SPREAD_OF_SQUARES)
+        low, high = _variance_ratios(_cautious(2 * n / spread, self.freedom, confidence), confidence)
+        known = self.third / math.sqrt(self.fourth - 1) if self.fourth > 1 else 0.0
+        half = float(stdtrit(n - 1, 0.5 + confidence / 2)) * std / math.sqrt(n)
+        of_std = std * math.sqrt(low), std * math.sqrt(high)
+        return Precision(self.mean, std, half, of_std, _correlation(known), self.freedom)
+
+
+def own_moments(x: Array) -> OwnMoments:
+    """Return the moments of finite values that differ."""
     mean, deviation = centred(x)
     square = float(np.mean(deviation**2))
     z = deviation / math.sqrt(square)
-    std = math.sqrt(square * n / (n - 1))
     squares = z * z
     freedom = freedom_of_spread(squares - 1)
-    spread = max(kurtosis + 3 - (n - 3) / (n - 1), _LEAST_SPREAD_OF_SQUARES)
-    low, high = _variance_ratios(_cautious(2 * n / spread, freedom, confidence), confidence)
-    fourth = float(np.mean(squares * squares))
-    correlation = float(np.mean(squares * z)) / math.sqrt(fourth - 1) if fourth > 1 else 0.0
-    half = float(stdtrit(n - 1, 0.5 + confidence / 2)) * std / math.sqrt(n)
-    return Precision(mean, std, half, (std * math.sqrt(low), std * math.sqrt(high)), _correlation(correlation), freedom)
+    return OwnMoments(x.size, mean, square, float(np.mean(squares * z)), float(np.mean(squares * squares)), freedom)
+
+
+def running_moments(x: Array, counts: Sequence[int]) -> list[OwnMoments]:
+    """Return the moments of the first values of a series, for increasing counts, from one pass over them.
+
+    The first so many values differ.
+    """
+    # Sums of powers of scores: their origin is near all means, so that no digits are lost between the powers.
+    origin, unit = float(np.mean(x[: counts[0]])), float(np.std(x[: counts[0]]))
+    sums, found, first = np.zeros(_POWERS + 1), list[OwnMoments](), 0
+    for count in counts:
+        for at in range(first, count, _PIECE):
+            z = (x[at : min(at + _PIECE, count)] - origin) / unit
+            power = np.ones_like(z)
+            for k in range(_POWERS + 1):
+                sums[k] += power.sum()
+                power *= z
+        first, raw = count, sums / sums[0]
+        _, square, *higher = (
+            sum(math.comb(k, j) * raw[j] * (-raw[1]) ** (k - j) for j in range(k + 1)) for k in range(1, _POWERS + 1)
+        )
+        third, fourth, _, sixth, _, eighth = (each / square ** (k / 2) for k, each in enumerate(higher, start=3))
+        spread = (eighth - 4 * sixth + 6 * fourth - 3) / (fourth - 1) ** 2 - 1
+        freedom = max(2 * count / max(spread, _LEAST_SPREAD_OF_SQUARES), _LEAST_FREEDOM)
+        found.append(OwnMoments(count, origin + unit * raw[1], unit**2 * square, third, fourth, freedom))
+    return found
+
+
+def precision_of_values(x: Array, kurtosis: float, confidence: float) -> Precision:
+    """Return the precision of mean and sigma from at least 4 independent values; `kurtosis` is their excess G2."""
+    return own_moments(x).precision(kurtosis, confidence)
 
 
 def precision_of_lots(x: Array, lots: NDArray[np.generic], confidence: float) -> Precision:
@@ -137,7 +190,8 @@ def freedom_of_spread(squares: Array) -> float:
     """
     fourth = squares**2
     second = float(np.mean(fourth))
-    spread = float(np.mean(fourth**2)) / second**2 - 1 if second > 0 else math.inf
+    fourth *= fourth
+    spread = float(np.mean(fourth)) / second**2 - 1 if second > 0 else math.inf
     return max(2 * squares.size / max(spread, _LEAST_SPREAD_OF_SQUARES), _LEAST_FREEDOM)
 
 
@@ -338,16 +392,29 @@ def choose_method(x: Array, kurtosis: float | None, lots: Lots | None) -> Method
     normal = p >= PROVEN
     if lots is not None:
         return Method(PRODUCTION_LOTS if lots.enough else "", _of_lots(lots), normal)
-    # A kurtosis above 0 counts even if it may be chance: with heavy tails the intervals of normal theory are too narrow
-    # (t5: they cover 76 %), and where normal theory is right the other intervals are valid as well.
-    if kurtosis is not None and x.size >= FEWEST_FOR_SHAPE and (p < LIKELY or kurtosis > 0):
-        squares = deviation**2
-        return Method(OWN_MOMENTS, _of_moments(x.size, p, freedom_of_spread(squares - squares.mean())), normal)
+    if _by_own_moments(x.size, kurtosis, p):
+        deviation *= deviation
+        return Method(OWN_MOMENTS, _of_moments(x.size, p, freedom_of_spread(deviation - deviation.mean())), normal)
     if x.size < FEWEST_FOR_SHAPE:
         return Method(NORMAL, f"Normal theory: {x.size} values are too few to show another shape.", normal)
     few = f" Fewer than {_FEW_VALUES} values show only a large departure." if x.size < _FEW_VALUES else ""
     agrees = f"Normal theory: skewness and kurtosis agree with a normal distribution (p = {p:.2g})."
     return Method(NORMAL, f"{agrees}{few}{_unseen(x.size)}", normal)
+
+
+def _by_own_moments(n: int, kurtosis: float | None, p: float) -> bool:
+    """Return whether intervals of n independent values rest on their own moments; see `normal_moments_p` for `p`."""
+    # A kurtosis above 0 counts even if it may be chance: with heavy tails the intervals of normal theory are too narrow
+    # (t5: they cover 76 %), and where normal theory is right the other intervals are valid as well.
+    return kurtosis is not None and n >= FEWEST_FOR_SHAPE and (p < LIKELY or kurtosis > 0)
+
+
+def precision_of_moments(moments: OwnMoments, confidence: float) -> Precision | None:
+    """Return the intervals of mean and sigma of at least 8 independent values; None where normal theory holds."""
+    p = normal_shape_p(moments.third, moments.fourth, moments.n)
+    if not _by_own_moments(moments.n, moments.kurtosis, p):
+        return None
+    return moments.precision(moments.kurtosis, confidence)
 
 
 def precision_by(
@@ -368,10 +435,14 @@ def index_intervals(
     """
     if method.name == NORMAL:
         return _normal_theory(x, centred(x)[1], fence)
-    precision = precision_by(method, x, kurtosis, lots, fence.confidence)
-    # Fails half as often: `joint_interval` needs both upper ends to be correct.
-    wider = precision_by(method, x, kurtosis, lots, (1 + fence.confidence) / 2)
-    if precision is None or wider is None:
+    # The second fails half as often: `joint_interval` needs both upper ends to be correct.
+    confidences = fence.confidence, (1 + fence.confidence) / 2
+    if method.name == OWN_MOMENTS:
+        moments = own_moments(x)
+        precision, wider = (moments.precision(kurtosis or 0.0, confidence) for confidence in confidences)
+    elif method.name == PRODUCTION_LOTS and lots is not None:
+        precision, wider = (precision_of_lots(x, lots, confidence) for confidence in confidences)
+    else:
         return {}
     return {
         **robust_intervals(precision, fence.lsl, fence.usl, fence.target),

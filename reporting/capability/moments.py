@@ -50,7 +50,13 @@ def normal_moments_p(z: Array, worth: float) -> float:
     """
     squares = z * z  # products, because powers above 2 take ten times as long
     square = float(squares.mean())
-    skewness, kurtosis = float((squares * z).mean()) / square**1.5, float((squares * squares).mean()) / square**2
+    return normal_shape_p(
+        float((squares * z).mean()) / square**1.5, float((squares * squares).mean()) / square**2, worth
+    )
+
+
+def normal_shape_p(skewness: float, kurtosis: float, worth: float) -> float:
+    """Return the p-value of moments of standardised values, the third and the fourth; see `normal_moments_p`."""
     return math.exp(-(_skewness_score(skewness, worth) ** 2 + _kurtosis_score(kurtosis, worth) ** 2) / 2)
 
 

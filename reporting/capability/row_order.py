@@ -20,9 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import bdtrc, chdtrc, ndtr, ndtri, stdtr
 
-from reporting.arrays import ROUNDING, Array, centred_ranks
+from reporting.arrays import MOST_ROWS, ROUNDING, Array, centred_ranks
 from reporting.capability.indices import cpk, cpk_influence
-from reporting.capability.interval_choice import NORMAL, Fence, choose_method, precision_by, robust_intervals
+from reporting.capability.interval_choice import (
+    NORMAL,
+    Fence,
+    OwnMoments,
+    choose_method,
+    precision_by,
+    precision_of_moments,
+    robust_intervals,
+    running_moments,
+)
 from reporting.capability.intervals import cpk_half_width, mean_interval
 from reporting.capability.lots import describe_lots, independent, lot_error
 from reporting.capability.moments import location_and_shape
@@ -462,8 +471,16 @@ def convergence(
     name = "mean" if lsl is None and usl is None else "cpk"
     points = []
     # At equal ratios of n: the figure's axis is logarithmic, and a long campaign costs no more points.
-    for count in np.unique(np.geomspace(_FIRST, n, _POINTS).astype(np.int64)).tolist():
-        found = _point(x[:count], Fence(lsl, usl, None, confidence), None if lots is None else lots[:count], name)
+    counts = np.unique(np.geomspace(_FIRST, n, _POINTS).astype(np.int64)).tolist()
+    fence = Fence(lsl, usl, None, confidence)
+    few, many = x[:MOST_ROWS], [count for count in counts if count > MOST_ROWS]
+    differ = lots is None and float(np.std(few)) > ROUNDING * float(np.max(np.abs(few)))
+    running = dict(zip(many, running_moments(x, many), strict=True)) if many and differ else {}
+    for count in counts:
+        if count in running:
+            found = _point_of_moments(running[count], fence, name)
+        else:
+            found = _point(x[:count], fence, None if lots is None else lots[:count], name)
         if found is not None:
             points.append((count, *found))
     if not points:
@@ -481,15 +498,29 @@ def _point(x: Array, fence: Fence, lots: NDArray[np.generic] | None, name: str) 
     value = mean if name == "mean" else cpk(mean, std, fence.lsl, fence.usl)
     method = choose_method(x, kurtosis, None if lots is None else describe_lots(x, lots))
     if method.name == NORMAL:
-        half = cpk_half_width(value, x.size, fence.confidence)
-        return value, *(
-            mean_interval(mean, std, x.size, fence.confidence) if name == "mean" else (value - half, value + half)
-        )
+        return value, *_by_normal_theory(value, std, x.size, fence.confidence, name)
     precision = precision_by(method, x, kurtosis, lots, fence.confidence)
     interval = (
         None if precision is None else robust_intervals(precision, fence.lsl, fence.usl, None)[f"{name}_interval"]
     )
     return None if interval is None else (value, *interval)
+
+
+def _point_of_moments(moments: OwnMoments, fence: Fence, name: str) -> tuple[float, float, float] | None:
+    """Return what `_point` does, of many independent values that differ."""
+    std = math.sqrt(moments.square * moments.n / (moments.n - 1))
+    value = moments.mean if name == "mean" else cpk(moments.mean, std, fence.lsl, fence.usl)
+    precision = precision_of_moments(moments, fence.confidence)
+    if precision is None:
+        return value, *_by_normal_theory(value, std, moments.n, fence.confidence, name)
+    interval = robust_intervals(precision, fence.lsl, fence.usl, None)[f"{name}_interval"]
+    return None if interval is None else (value, *interval)
+
+
+def _by_normal_theory(value: float, std: float, n: int, confidence: float, name: str) -> tuple[float, float]:
+    """Return the interval of a mean, or of a Cpk, of n normal values."""
+    half = cpk_half_width(value, n, confidence)
+    return mean_interval(value, std, n, confidence) if name == "mean" else (value - half, value + half)
 
 
 def drift(x: Array, lsl: float | None, usl: float | None, lots: NDArray[np.generic] | None) -> float | None:

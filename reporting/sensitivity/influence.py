@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from reporting.arrays import ROUNDING, Array, random_rows
+from reporting.arrays import Array, Columns, random_rows, varies
 from reporting.capability.intervals import Interval
 from reporting.capability.lots import LEAST_LOTS
 from reporting.sensitivity.first_order import Effects, effects, jackknife_quantile, most_degree
@@ -52,25 +52,24 @@ class Measures:
 
 
 def measure(
-    columns: dict[str, Array],
-    values: dict[str, Array],
+    columns: Columns,
+    values: Columns,
     confidence: float,
     correlations: Sequence[tuple[str, str, float]] | None = None,
     lots: NDArray[np.generic] | None = None,
 ) -> Measures | None:
-    """Return all measures of finite columns, shape (n,); None if there are too few rows or nothing varies."""
+    """Return all measures of finite columns, shape (n,), that vary; None for too few rows, or if no value varies."""
     # `correlations` are the requested ones; if not given, the samples decide. The shifts of `lots` correlate variables
     # by chance; with `LEAST_LOTS` lots or more, errors are estimated by leaving out whole lots.
-    x_names = [name for name, column in columns.items() if varies(column)]
-    y_names = [name for name, column in values.items() if varies(column)]
+    x_names, y_names = list(columns), [name for name, column in values.items() if varies(column)]
     if not x_names or not y_names:
         return None
     n = next(iter(values.values())).size
     if n < fewest_rows(len(x_names)):
         return None
     rows = random_rows(n)
-    x = np.column_stack([columns[name][rows] for name in x_names])
-    y = np.column_stack([values[name][rows] for name in y_names])
+    x = np.column_stack([columns.take(name, rows) for name in x_names])
+    y = np.column_stack([values.take(name, rows) for name in y_names])
     count = rows.size if lots is None else np.unique(lots[rows]).size
     group = groups_of(rows.size, None if lots is None or count < LEAST_LOTS else lots[rows])
     sums = group_sums(x, y, most_degree(rows.size, len(x_names)), group)
@@ -114,13 +113,6 @@ def _independent(
 def fewest_rows(variables: int) -> int:
     """Return the smallest number of rows for a regression: two per group and five per coefficient."""
     return max(2 * GROUPS, 5 * (variables + 1))
-
-
-def varies(column: Array) -> bool:
-    """Return whether a column varies by more than rounding errors."""
-    if column.size < 2:
-        return False
-    return float(np.std(column)) > ROUNDING * float(np.abs(column).max())
 
 
 NEGLIGIBLE_SHARE = 0.001

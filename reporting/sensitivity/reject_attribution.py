@@ -32,7 +32,7 @@ from scipy.special import expit, kolmogorov, ndtri, stdtrit
 from threadpoolctl import threadpool_limits
 
 from reporting import format_numbers
-from reporting.arrays import Array, random_rows
+from reporting.arrays import Array, Columns, random_rows
 from reporting.capability.intervals import Interval, welch
 from reporting.errors import ReportError
 from reporting.sensitivity.regression import shapley_values
@@ -79,7 +79,7 @@ class WorstSample:
 
 
 def reject_causes(
-    y: Array, inputs: dict[str, Array], lsl: float | None, usl: float | None, confidence: float
+    y: Array, inputs: Mapping[str, Array], lsl: float | None, usl: float | None, confidence: float
 ) -> RejectCauses | None:
     """Return the common properties of rejects; None without limits, or with fewer than 20 samples in a group."""
     margins = [*([] if lsl is None else [y - lsl]), *([] if usl is None else [usl - y])]
@@ -98,22 +98,25 @@ def reject_causes(
     if inside.size < FEWEST:
         return None
     a, b = outside[random_rows(outside.size)], inside[random_rows(inside.size)]
-    differences = (_compared(name, column[a], column[b], confidence) for name, column in inputs.items())
+    columns = Columns.of(inputs)
+    differences = (_compared(name, columns.take(name, a), columns.take(name, b), confidence) for name in columns)
     ranked = sorted(differences, key=lambda d: -d.distance)
     return RejectCauses(group, outside.size, inside.size, rejects, tuple(ranked))
 
 
 def worst_samples(
-    sample: NDArray[np.int64], y: Array, inputs: dict[str, Array], lsl: float | None, usl: float | None
+    sample: NDArray[np.int64], y: Array, inputs: Mapping[str, Array], lsl: float | None, usl: float | None
 ) -> tuple[WorstSample, ...]:
     """Return the five samples with the smallest margin to each limit, the lower limit and the worst sample first."""
-    worst = []
+    worst, columns = [], Columns.of(inputs)
     for side, margin in (("lower", None if lsl is None else y - lsl), ("upper", None if usl is None else usl - y)):
         if margin is None:
             continue
         few = np.argpartition(margin, LISTED)[:LISTED] if y.size > LISTED else np.arange(y.size)
-        for row in few[np.lexsort((sample[few], margin[few]))]:
-            values = {name: float(column[row]) for name, column in inputs.items()}
+        rows = few[np.lexsort((sample[few], margin[few]))]
+        of_rows = {name: columns.take(name, rows).tolist() for name in columns}
+        for place, row in enumerate(rows):
+            values = {name: column[place] for name, column in of_rows.items()}
             worst.append(WorstSample(side, int(sample[row]), float(y[row]), float(margin[row]), values))
     return tuple(worst)
 
@@ -184,26 +187,28 @@ def reject_attribution(
     there are fewer than 10 lots, or the variables do not distinguish rejects from other samples. ReportError: the
     columns differ in length.
     """
-    columns = {name: np.asarray(column, np.float64) for name, column in inputs.items()}
-    out = np.asarray(rejected, np.bool_)
-    if any(column.shape != out.shape for column in columns.values()):
+    columns, out = Columns.of(inputs), np.asarray(rejected, np.bool_)
+    if columns.sizes - {out.size}:
         raise ReportError("reject attribution: the columns differ in length; give columns of one table")
-    finite = (
-        np.all([np.isfinite(column) for column in columns.values()], axis=0) if columns else np.ones(out.size, bool)
-    )
-    columns, out = {name: column[finite] for name, column in columns.items()}, out[finite]
-    groups = np.arange(out.size) if lots is None else np.unique(np.asarray(lots)[finite], return_inverse=True)[1]
+    finite = columns.finite
+    if finite is not None:
+        columns, out = columns.where(finite), out[finite]
+    groups = np.arange(out.size)
+    if lots is not None:
+        groups = np.unique(np.asarray(lots) if finite is None else np.asarray(lots)[finite], return_inverse=True)[1]
     rejects, n = int(np.count_nonzero(out)), out.size
-    varying = {name: column for name, column in columns.items() if np.ptp(column) > 0} if n else {}
+    varying = [name for name in columns if _varies(columns, name, n)] if n else []
     if min(rejects, n - rejects) < FEWEST_REJECTS or not varying:
         return RejectAttribution(rejects, n, None, (), _too_few(rejects, n))
     independent = n if lots is None else np.unique(groups).size
     if independent < FEWEST_REJECTS:
         return RejectAttribution(rejects, n, None, (), _too_few_of("production lots", independent))
     # The cost doubles with each variable: those that differ most among the rejects are judged.
-    judged = dict(sorted(varying.items(), key=lambda item: -_difference(item[1], out))[:MOST_ATTRIBUTED])
-    rows = _case_control(out)
-    scores = np.column_stack([_scores(column, rows) for column in judged.values()])
+    among = np.flatnonzero(out)
+    among, some = among[random_rows(rejects)], random_rows(n)
+    judged = sorted(varying, key=lambda v: -largest_distance(columns.take(v, among), columns.take(v, some)))
+    judged, rows = judged[:MOST_ATTRIBUTED], _case_control(out)
+    scores = np.column_stack([_scores(columns.take(v, some), columns.take(v, rows)) for v in judged])
     with threadpool_limits(1):  # the matrices are small, so threads would wait for each other
         worth, influence = _worths(scores, out[rows], rejects / n)
     resolved = float(worth[-1])
@@ -292,12 +297,18 @@ def _errors(terms: Array, groups: NDArray[np.intp]) -> Array:
     return np.array([math.sqrt(float(np.sum(np.bincount(at, row) ** 2))) for row in terms])
 
 
-def _scores(column: Array, rows: NDArray[np.intp]) -> Array:
-    """Return the normal scores of some rows of a column, by their ranks among at most 200,000 of all."""
-    ordered = np.sort(column[random_rows(column.size)])
-    ends = [np.searchsorted(ordered, column[rows], side) for side in ("left", "right")]
+def _scores(column: Array, values: Array) -> Array:
+    """Return the normal scores of values by their ranks in a column."""
+    ordered = np.sort(column)
+    ends = [np.searchsorted(ordered, values, side) for side in ("left", "right")]
     rank = np.clip((ends[0] + ends[1] + 1) / 2, 1.0, ordered.size)  # the middle one of equal values
     return np.asarray(ndtri((rank - 0.5) / ordered.size))
+
+
+def _varies(columns: Columns, name: str, n: int) -> bool:
+    """Return whether a column of n rows has more than one value; two of them mostly show it."""
+    few = columns.take(name, np.arange(min(n, 2)))
+    return bool(few[0] != few[-1]) or bool(np.ptp(columns[name]) > 0)
 
 
 def _case_control(out: NDArray[np.bool_]) -> NDArray[np.intp]:
@@ -305,12 +316,6 @@ def _case_control(out: NDArray[np.bool_]) -> NDArray[np.intp]:
     rejects, others = np.flatnonzero(out), np.flatnonzero(~out)
     few = rejects[random_rows(rejects.size)[:_MOST_REJECTS]], others[random_rows(others.size)[:_MOST_OTHERS]]
     return np.concatenate(few)
-
-
-def _difference(column: Array, out: NDArray[np.bool_]) -> float:
-    """Return Kolmogorov's distance between the rejects and all samples."""
-    rejects = column[out]
-    return largest_distance(rejects[random_rows(rejects.size)], column[random_rows(column.size)])
 
 
 def _too_few(rejects: int, n: int) -> str:

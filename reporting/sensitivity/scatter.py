@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reporting.arrays import Array, random_rows
+from reporting.arrays import Array, Columns, random_rows
 from reporting.sensitivity.influence import ResponseSensitivity
 
 STRONGEST = 2
@@ -25,8 +25,9 @@ class Scatter:
     # responses
     x: tuple[float, ...]
     y: tuple[float, ...]  # response of these points
-    slope: float | None  # of the least-squares line through all samples, in the response's unit per unit of the input
-    # over twelve groups of equal size, from the smallest to the largest inputs; empty below 60 samples
+    # of the least-squares line through at most 200,000 random samples, in the response's unit per unit of the input
+    slope: float | None
+    # of these over twelve groups of equal size, from the smallest to the largest inputs; empty below 60 samples
     mean_x: tuple[float, ...]
     mean_y: tuple[float, ...]
 
@@ -35,23 +36,26 @@ def scatters(
     sensitivity: ResponseSensitivity | None, inputs: Mapping[str, Array], values: Array
 ) -> tuple[Scatter, ...]:
     """Return a response, NaN where missing, against its two strongest inputs, by share or else by correlation."""
+    columns = Columns.of(inputs)
     ranked = () if sensitivity is None else sensitivity.ranked
     shares = {influence.variable: influence.share for influence in ranked if influence.share is not None}
     found = []
-    for variable in list(shares or sorted(inputs, key=lambda name: -_correlation(inputs[name], values)))[:STRONGEST]:
-        both = np.isfinite(values) & np.isfinite(inputs[variable])
-        x, y = inputs[variable][both], values[both]
+    for variable in list(shares or sorted(columns, key=lambda name: -_correlation(columns[name], values)))[:STRONGEST]:
+        known = columns.only([variable]).finite
+        both = np.flatnonzero(np.isfinite(values) if known is None else np.isfinite(values) & known)
+        some = both[np.sort(random_rows(both.size))]
+        x, y = columns.take(variable, some), values[some]
         if y.size < 2 or np.ptp(x) == 0:
             continue
-        rows = _shown(y)
+        rows = both[_shown(values if both.size == values.size else values[both])]
         mean_x, mean_y = _means(x, y)
         found.append(
             Scatter(
                 variable,
                 shares.get(variable),
-                int(y.size),
-                tuple(x[rows].tolist()),
-                tuple(y[rows].tolist()),
+                int(both.size),
+                tuple(columns.take(variable, rows).tolist()),
+                tuple(values[rows].tolist()),
                 _slope(x, y),
                 mean_x,
                 mean_y,
@@ -75,8 +79,12 @@ def _shown(y: Array) -> NDArray[np.intp]:
     """Return the rows to draw, in order; the same values give the same rows."""
     if y.size <= POINTS + 2 * EXTREMES:
         return np.arange(y.size)
-    order = np.argpartition(y, (EXTREMES, y.size - EXTREMES))
-    return np.unique(np.concatenate([random_rows(y.size)[:POINTS], order[:EXTREMES], order[-EXTREMES:]]))
+    random = random_rows(y.size)
+    # An extreme of all values is as far out as the same one of some of them.
+    ends = np.partition(y[random], (EXTREMES - 1, random.size - EXTREMES))[[EXTREMES - 1, -EXTREMES]]
+    far = np.flatnonzero((y <= ends[0]) | (y >= ends[1]))
+    order = far[np.argpartition(y[far], (EXTREMES, far.size - EXTREMES))]
+    return np.unique(np.concatenate([random[:POINTS], order[:EXTREMES], order[-EXTREMES:]]))
 
 
 def _slope(x: Array, y: Array) -> float | None:
@@ -93,8 +101,6 @@ def _means(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the means of input and response over groups of equal size, in the order of the input."""
     if x.size < FEWEST:
         return (), ()
-    some = np.sort(random_rows(x.size))
-    x, y = x[some], y[some]
     order = np.argsort(x, kind="stable")
     groups = np.array_split(order, GROUPS)
     with np.errstate(all="ignore"):

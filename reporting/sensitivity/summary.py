@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reporting import format_numbers
-from reporting.arrays import Array
+from reporting.arrays import Array, Columns, varies
 from reporting.capability.intervals import Interval
 from reporting.capability.lots import LEAST_LOTS
 from reporting.errors import ReportError
@@ -38,7 +38,6 @@ from reporting.sensitivity.influence import (
     measure,
     needed_errors,
     response_verdict,
-    varies,
     with_shapley,
     with_total_effect,
     with_total_order,
@@ -175,28 +174,24 @@ def sensitivity(
     whether variables are correlated. The shifts of `lots` correlate variables by chance. ReportError: the columns
     differ in length.
     """
-    inputs = {name: np.asarray(column, np.float64) for name, column in variables.items()}
-    outputs = {name: np.asarray(column, np.float64) for name, column in responses.items()}
-    n = _length(inputs | outputs)
+    inputs, outputs = Columns.of(variables), Columns.of(responses)
+    n = _length(inputs, outputs)
     sample = np.arange(n) if sample is None else sample
-    complete = np.ones(n, np.bool_)
-    for column in inputs.values():
-        complete &= np.isfinite(column)
+    complete = np.ones(n, np.bool_) if inputs.finite is None else inputs.finite
     rows = {name: complete & np.isfinite(column) for name, column in outputs.items()}
     done: dict[str, ResponseSensitivity] = {}
     # Responses with values in the same rows share one pass over them.
     for names in _same_rows(rows):
         at = rows[names[0]]
-        columns = {name: column[at] for name, column in inputs.items()}
-        values = {name: outputs[name][at] for name in names}
+        columns, values = inputs.where(at), outputs.where(at).only(names)
         of_rows = None if lots is None else lots[at]
         count = None if of_rows is None else np.unique(of_rows).size
-        measures = measure(columns, values, confidence, correlations, of_rows)
+        measures = measure(columns.varying, values, confidence, correlations, of_rows)
         for name in names:
             lsl, usl = (limits or {}).get(name, (None, None))
-            more = (known or {}).get(name, Known())
-            found = _response(name, columns, values[name], sample[at], (lsl, usl), measures, more, confidence)
-            out = (values[name] < (-np.inf if lsl is None else lsl)) | (values[name] > (np.inf if usl is None else usl))
+            more, y = (known or {}).get(name, Known()), values[name]
+            found = _response(name, columns, y, sample[at], (lsl, usl), measures, more, confidence)
+            out = (y < (-np.inf if lsl is None else lsl)) | (y > (np.inf if usl is None else usl))
             costs = reject_attribution(columns, out, confidence, of_rows) if np.any(out) else None
             done[name] = replace(found, attribution=costs, notes=(*found.notes, *_of_lots(count, int(at.sum()))))
     return Sensitivity(tuple(inputs), tuple(done[name] for name in outputs))
@@ -204,7 +199,7 @@ def sensitivity(
 
 def _response(
     name: str,
-    columns: dict[str, Array],
+    columns: Columns,
     y: Array,
     sample: NDArray[np.int64],
     limits: tuple[float | None, float | None],
@@ -214,7 +209,7 @@ def _response(
 ) -> ResponseSensitivity:
     """Return the sensitivity of one response."""
     worst = worst_samples(sample, y, columns, *limits)
-    varying = {v: column for v, column in columns.items() if varies(column)}
+    varying = columns.varying
     constant = [v for v in columns if v not in varying]
     notes = [f"{v} does not vary, so no response can depend on it." for v in constant if y.size]
     if measures is None or name not in measures.responses:
@@ -401,14 +396,13 @@ def _same_rows(rows: dict[str, NDArray[np.bool_]]) -> list[list[str]]:
     return list(groups.values())
 
 
-def _length(columns: dict[str, Array]) -> int:
+def _length(*tables: Columns) -> int:
     """Return the common length of the columns; raise ReportError if they differ."""
-    if not columns:
-        return 0
-    shape = next(iter(columns.values())).shape
-    wrong = [name for name, column in columns.items() if column.shape != shape or column.ndim != 1]
-    if wrong:
+    sizes = set[int]().union(*(table.sizes for table in tables))
+    if len(sizes) > 1:
+        given = [(name, column.size) for table in tables for name, column in table.items()]
+        wrong = [name for name, size in given if size != given[0][1]]
         raise ReportError(
             f"sensitivity: {', '.join(wrong)}: differs in length from the others; give columns of one table"
         )
-    return int(shape[0])
+    return sizes.pop() if sizes else 0

@@ -12,7 +12,7 @@ distributions use the moments of all values; sigma has the divisor n - 1, as eve
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,8 +21,15 @@ from reporting.arrays import ROUNDING, Array
 from reporting.capability.intervals import share_interval
 from reporting.distributions.families import FAMILIES, Family, Scaled, Theta
 from reporting.distributions.forms import ClosedForm, Parameter
-from reporting.errors import finite_in_order
-from reporting.shape.sorted_sample import Atom, BinnedSample, Ties, anderson_darling, bin_sample, distance, ties
+from reporting.shape.sorted_sample import (
+    Atom,
+    BinnedSample,
+    SortedSample,
+    anderson_darling,
+    bin_sample,
+    distance,
+    sorted_sample,
+)
 
 # Maximisation of a likelihood of a few unconstrained parameters, and the covariance of the estimates.
 #
@@ -291,26 +298,27 @@ class Fits:
 
 
 def fit_families(
-    x: ArrayLike,
+    x: ArrayLike | SortedSample,
     names: Iterable[str] | None = None,
     limits: Sequence[float | None] = (None, None),
 ) -> Fits:
     """Fit every family, or those named, to finite values; at `limits` tails are compared."""
-    values = finite_in_order(x)
-    n = int(values.size)
-    if n < 2 or values[-1] - values[0] <= ROUNDING * float(np.max(np.abs(values))):
+    sample = sorted_sample(x)
+    values, n = sample.values, int(sample.values.size)
+    largest = float(max(abs(values[0]), abs(values[-1]))) if n else 0.0
+    if n < 2 or values[-1] - values[0] <= ROUNDING * largest:
         return unfitted("Fewer than two different values, so no distribution is fitted.")
     # The square of a double above 1e154 overflows, a sum of squares earlier.
-    if not float(np.max(np.abs(values))) < 1e150 or not float(np.std(values)) > 0:
+    if not largest < 1e150 or not float(np.std(values)) > 0:
         return unfitted("The values are too large or too small to be squared, so no distribution is fitted.")
-    tied = ties(values)
+    tied = sample.ties
     found = tied.atoms()
     if found:
         reasons = [atom.words for atom in found]
         return unfitted(" ".join([*reasons, "No smooth distribution describes that, so none is fitted."]), found)
     if tied.discrete:
         return unfitted(f"Only {tied.values.size} different values, so no smooth distribution is fitted.")
-    fitting = Fitting(values, tied, limits)
+    fitting = Fitting(sample, limits)
     families = FAMILIES.values() if names is None else [FAMILIES[name] for name in FAMILIES if name in set(names)]
     outcomes = {family.name: fitting.fit(family) for family in families}
     fits = sorted((fit for fit in outcomes.values() if isinstance(fit, Fit)), key=lambda fit: fit.aic)
@@ -346,14 +354,15 @@ def handicap(fit: Fit, fits: Sequence[Fit]) -> float:
 class Fitting:
     """The ascending values of a response, shape (n,), ready for many families."""
 
-    def __init__(self, ordered: Array, ties: Ties, limits: Sequence[float | None]) -> None:
-        self.ordered, self.limits = ordered, limits
-        self.smooth = ties.spread()
+    def __init__(self, sample: SortedSample, limits: Sequence[float | None]) -> None:
+        self.ordered, self.limits = sample.values, limits
+        ordered, self.smooth = sample.values, sample.spread
         self.few, self.many = bin_sample(self.smooth, SEARCHED), bin_sample(self.smooth, JUDGED)
         self.bootstrap = bootstrap(ordered.size)
-        self.median, self.std = float(np.median(ordered)), float(np.std(ordered))
+        self.median, self.std = sample.location["median"], float(np.std(ordered))
         z = (ordered - self.median) / self.std
-        self.skewness = float(np.mean((z - np.mean(z)) ** 3))
+        z -= np.mean(z)
+        self.skewness = float(np.mean(z * z * z))
 
     def fit(self, family: Family) -> Fit | str:
         """Return the fit of a family, or why there is none."""
@@ -433,12 +442,16 @@ class Fitting:
             z = np.log(z)
         return float(np.mean(z)), math.log(float(np.std(z, ddof=1)))
 
+    @cached_property
+    def _narrowest(self) -> float:
+        """Sigma below which a component of a mixture is a spike."""
+        x, among = self.smooth, max(_FEWEST_IN_SPIKE, int(_SPIKE_SHARE * self.smooth.size))
+        return float(np.min(x[among:] - x[:-among])) / 4 if x.size > among else 0.0
+
     def _spike(self, parameters: dict[str, float]) -> str:
         """Return why the fit describes a few values instead of all; empty if it does not."""
         x, n = self.smooth, self.smooth.size
-        among = max(_FEWEST_IN_SPIKE, int(_SPIKE_SHARE * n))
-        narrowest = float(np.min(x[among:] - x[:-among])) / 4 if n > among else 0.0
-        if any(parameters.get(name, math.inf) < narrowest for name in ("sd 1", "sd 2")):
+        if any(parameters.get(name, math.inf) < self._narrowest for name in ("sd 1", "sd 2")):
             return "one of the two distributions would be a spike at a few values"
         closest = _CLOSEST * float(x[-1] - x[0]) / n
         if x[0] - parameters.get("low", -math.inf) < closest or parameters.get("high", math.inf) - x[-1] < closest:

@@ -4,8 +4,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from reporting.arrays import Array
+from reporting.shape.sorted_sample import SortedSample, sorted_sample
 
 _FEWEST, _MOST = 12, 60
 _FARTHEST = 1e6  # bins between the values and a limit that is an edge
@@ -21,15 +23,17 @@ class Histogram:
     counts: tuple[int, ...]  # length k
 
 
-def histogram(x: Array, lsl: float | None = None, usl: float | None = None) -> Histogram | None:
-    """Count the values in 12 to 60 equal bins (Freedman and Diaconis 1981) that end at the limits; None without values.
+def histogram(x: ArrayLike | SortedSample, lsl: float | None = None, usl: float | None = None) -> Histogram | None:
+    """Count finite values in 12 to 60 equal bins (Freedman, Diaconis 1981) that end at the limits; None without values.
 
     With both limits the width is adjusted to divide the distance between them.
     """
-    if x.size == 0:
+    sample = sorted_sample(x)
+    values = sample.values
+    if values.size == 0:
         return None
-    low, high = float(x.min()), float(x.max())
-    width = _width(x, high - low)
+    low, high = float(values[0]), float(values[-1])
+    width = _width(sample, high - low)
     if lsl is not None and usl is not None:
         between = usl - lsl
         if high == low:
@@ -54,18 +58,19 @@ def histogram(x: Array, lsl: float | None = None, usl: float | None = None) -> H
         return None
     # By rounding the outermost edges may lie inside the values.
     edges[0], edges[-1] = min(edges[0], low), max(edges[-1], high)
-    counts, _ = np.histogram(x, edges)
+    counts = np.diff([*np.searchsorted(values, edges[:-1]), values.size])
     return Histogram(tuple(edges.tolist()), tuple(counts.tolist()))
 
 
-def _width(x: Array, span: float) -> float:
+def _width(sample: SortedSample, span: float) -> float:
     """Return the width of a bin before it is adjusted to the limits."""
-    largest = float(np.max(np.abs(x)))
+    values = sample.values
+    largest = float(max(abs(values[0]), abs(values[-1])))
     # Below this width the edges of a nearly constant response would round to the same number.
     if span <= 1e-9 * largest:
         return 0.02 * largest or 1.0
-    quarter, three_quarters = np.percentile(x, [25, 75])
-    width = 2 * float(three_quarters - quarter) / math.cbrt(x.size)
+    quarter, three_quarters = sample.quantiles([0.25, 0.75])
+    width = 2 * float(three_quarters - quarter) / math.cbrt(values.size)
     return min(max(width, span / _MOST), span / _FEWEST)
 
 

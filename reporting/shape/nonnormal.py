@@ -25,8 +25,8 @@ from reporting.capability.intervals import Interval, OpenInterval, bench
 from reporting.capability.shares import PPM
 from reporting.distributions.families import FAMILIES, Scaled
 from reporting.distributions.forms import Parameter
-from reporting.errors import finite_in_order
 from reporting.shape.fitting import Fit, distribution
+from reporting.shape.sorted_sample import SortedSample, sorted_sample
 
 FEWEST = 2731  # ln 0.025 / ln 0.99865
 # Probabilities of the lower end, the middle and the upper end of a process (ISO 22514-2): -3, 0 and 3 normal sigmas.
@@ -114,9 +114,11 @@ def indices(method: str, of: Scaled, lsl: float | None, usl: float | None) -> di
     return found if z_lsl is None or z_usl is None else found | {"pp": (z_lsl + z_usl) / 6}
 
 
-def empirical_indices(x: ArrayLike, lsl: float | None, usl: float | None, confidence: float = 0.95) -> NonnormalIndices:
+def empirical_indices(
+    x: ArrayLike | SortedSample, lsl: float | None, usl: float | None, confidence: float = 0.95
+) -> NonnormalIndices:
     """Return the indices from the percentiles of the finite values (Cnpk), with intervals for any distribution."""
-    ordered = finite_in_order(x)
+    ordered = sorted_sample(x).values
     assumed = "No distribution is assumed: the percentiles are those of the values themselves."
     if ordered.size < 2 or ordered[0] == ordered[-1]:
         return NonnormalIndices(

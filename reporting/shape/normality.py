@@ -17,9 +17,14 @@ from numpy.typing import ArrayLike
 from scipy.special import betaincinv, ndtr, ndtri
 
 from reporting.capability.intervals import Interval
-from reporting.capability.moments import location_and_shape
-from reporting.errors import finite_in_order
-from reporting.shape.sorted_sample import BinnedSample, anderson_darling, bin_sample, distance
+from reporting.shape.sorted_sample import (
+    BinnedSample,
+    SortedSample,
+    anderson_darling,
+    bin_sample,
+    distance,
+    sorted_sample,
+)
 
 NORMAL_WEIGHT = 1.5  # of a tail
 FEWEST_FOR_TAILS = 50
@@ -98,15 +103,16 @@ class ProbabilityPlot:
     high: tuple[float, ...]
 
 
-def normality(x: ArrayLike, confidence: float = 0.95, worth: float | None = None) -> Normality:
+def normality(x: ArrayLike | SortedSample, confidence: float = 0.95, worth: float | None = None) -> Normality:
     """Return the departure of finite values from normality; `worth` is their effective number if in lots."""
-    ordered = finite_in_order(x)
+    given = sorted_sample(x)
+    ordered, shape = given.values, given.location
+    n, std = int(ordered.size), shape.get("std", 0.0)
+    if not 0 < std < math.inf or n < 3:
+        return Normality(n)
     with np.errstate(over="ignore", invalid="ignore"):
-        shape = location_and_shape(ordered)
-        n, std = int(ordered.size), shape.get("std", 0.0)
-        if not 0 < std < math.inf or n < 3:
-            return Normality(n)
-        z = (ordered - shape["mean"]) / std
+        z = ordered - shape["mean"]
+        z /= std
     w = p = None
     if n <= _MOST_FOR_SHAPIRO:  # above, Royston's (1995) approximation is not valid
         from scipy.stats import shapiro  # takes 1 s to import, which `import reporting` avoids
@@ -142,15 +148,14 @@ def normality(x: ArrayLike, confidence: float = 0.95, worth: float | None = None
     return replace(measures, verdict=verdict, reason=reason)
 
 
-def probability_plot(x: ArrayLike, most: int = 300, confidence: float = 0.95) -> ProbabilityPlot | None:
+def probability_plot(x: ArrayLike | SortedSample, most: int = 300, confidence: float = 0.95) -> ProbabilityPlot | None:
     """Return at most `most` points of the probability plot, a third of them extremes at each end; None if constant."""
-    ordered = finite_in_order(x)
-    with np.errstate(over="ignore", invalid="ignore"):
-        shape = location_and_shape(ordered)
+    given = sorted_sample(x)
+    ordered, shape = given.values, given.location
     n, std = int(ordered.size), shape.get("std", 0.0)
     if not 0 < std < math.inf:
         return None
-    rank = np.arange(1, n + 1)
+    rank = np.arange(1, min(n, most) + 1)
     if n > most:
         tail = most // 3
         middle = np.linspace(tail, n - 1 - tail, most - 2 * tail).astype(np.int64)

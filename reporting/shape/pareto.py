@@ -20,7 +20,7 @@ from scipy.special import chdtri, ndtri
 from reporting.arrays import ROUNDING, Array
 from reporting.capability.intervals import Interval, share_interval
 from reporting.capability.shares import PPM
-from reporting.errors import finite_in_order
+from reporting.shape.sorted_sample import SortedSample, sorted_sample
 
 # Shapes searched: below -0.5 the likelihood is not regular (the tail ends abruptly), above 0.5 there is no variance.
 SHAPES = (-0.5, 0.75)
@@ -197,7 +197,9 @@ class TailShare:
     note: str = ""  # why the estimate is refused, why there is only a bound, or none from below; may be empty
 
 
-def pareto_tails(x: ArrayLike, lsl: float | None, usl: float | None, confidence: float = 0.95) -> tuple[TailShare, ...]:
+def pareto_tails(
+    x: ArrayLike | SortedSample, lsl: float | None, usl: float | None, confidence: float = 0.95
+) -> tuple[TailShare, ...]:
     """Return the share of finite values beyond each limit from a generalized Pareto tail, the lower limit first.
 
     Tails are fitted beyond several thresholds (250 excesses or a tenth of the values, and halves of that down to 50);
@@ -208,7 +210,7 @@ def pareto_tails(x: ArrayLike, lsl: float | None, usl: float | None, confidence:
     before the limit may not end. Beyond a heavy tail without a value beyond the limit the interval begins at 0: 1 % of
     500 values shifted by six sigmas look like one, and without this the lower end was too high in 9 of 10 campaigns.
     """
-    ordered = finite_in_order(x)
+    ordered = sorted_sample(x).values
     lower = () if lsl is None else (_tail("below", -ordered[::-1], -lsl, confidence),)
     return lower if usl is None else (*lower, _tail("above", ordered, usl, confidence))
 

@@ -10,11 +10,15 @@ log-likelihood for a million values, nearly the same for every family.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import pdtrc
 
 from reporting.arrays import Array
+from reporting.capability.moments import location_and_shape
+from reporting.errors import finite_in_order
 
 # Values closer than this part of their usual distance differ by rounding errors only.
 _EQUAL = 1e-4
@@ -61,12 +65,13 @@ class Ties:
         n, m = float(self.counts.sum()), self.values.size
         if m < 2 * _REACH or m == n:
             return ()
-        usual = _neighbours(self.counts)
+        several = np.flatnonzero(self.counts > 1)
+        counts, usual = self.counts[several], _neighbours(self.counts)[several]
         # Without rounding all values are distinct: a count above one occurs by chance at the rate of the neighbours.
         rate = np.maximum(usual - 1 + np.sqrt(usual - 1), (n - m) / m)
-        proven = (self.counts > 1) & (m * pdtrc(self.counts - 2, rate) < _CHANCE)
-        end = np.isin(np.arange(m), (0, m - 1))
-        found = np.flatnonzero(proven & (self.counts >= _RATIO * usual) & (end | (self.counts >= _LEAST_SHARE * n)))
+        proven = m * pdtrc(counts - 2, rate) < _CHANCE
+        end = (several == 0) | (several == m - 1)
+        found = several[proven & (counts >= _RATIO * usual) & (end | (counts >= _LEAST_SHARE * n))]
         where = {0: "lowest", m - 1: "highest"}
         return tuple(
             Atom(float(self.values[i]), int(self.counts[i]), float(self.counts[i] / n), where.get(int(i), "inside"))
@@ -84,12 +89,56 @@ class Ties:
         """Return the values; equal ones are spread evenly over the range that rounds to them."""
         if self.values.size == self.counts.sum():
             return self.values
-        gaps = np.diff(self.values) / 2
-        half = np.minimum(np.append(gaps, gaps[-1]), np.append(gaps[0], gaps)) * (self.counts > 1)
-        count = self.counts.astype(np.int64)
+        count, last = self.counts.astype(np.int64), self.values.size - 1
+        every = np.repeat(self.values, count)
+        several = np.flatnonzero(count > 1)
+        first = (np.cumsum(count) - count)[several]
+        gaps = [
+            (self.values[to] - self.values[at]) / 2
+            for at, to in ((several, several + 1), (several - 1, several))
+            for at, to in ((np.clip(at, 0, last - 1), np.clip(to, 1, last)),)
+        ]
+        half, count = np.minimum(*gaps), count[several]
         place = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-        across = (2 * place + 1) / np.repeat(self.counts, count) - 1
-        return np.asarray(np.repeat(self.values, count) + across * np.repeat(half, count))
+        across = (2 * place + 1) / np.repeat(count, count) - 1
+        every[np.repeat(first, count) + place] += across * np.repeat(half, count)
+        return every
+
+
+@dataclass(frozen=True)
+class SortedSample:
+    """The finite values of a response in ascending order, shape (n,), with what several methods ask of them."""
+
+    values: Array
+
+    @cached_property
+    def location(self) -> dict[str, float]:
+        """Location, spread and shape; a number may be infinite or missing."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return location_and_shape(self.values)
+
+    @cached_property
+    def ties(self) -> Ties:
+        """Distinct values and their counts; of values that are not all equal."""
+        return ties(self.values)
+
+    @cached_property
+    def spread(self) -> Array:
+        """Values of which equal ones are spread over the range that rounds to them; of values not all equal."""
+        return self.ties.spread()
+
+    def quantiles(self, shares: ArrayLike) -> Array:
+        """Return the quantiles that `numpy.quantile` interpolates."""
+        place = (self.values.size - 1) * np.asarray(shares, np.float64)
+        below = np.floor(place).astype(np.int64)
+        low, high = self.values[below], self.values[np.minimum(below + 1, self.values.size - 1)]
+        part, step = place - below, high - low
+        return np.asarray(np.where(part < 0.5, low + part * step, high - (1 - part) * step))
+
+
+def sorted_sample(x: ArrayLike | SortedSample) -> SortedSample:
+    """Return the finite ones of values in ascending order; ReportError: they are not a series of numbers."""
+    return x if isinstance(x, SortedSample) else SortedSample(finite_in_order(x))
 
 
 def ties(ordered: Array) -> Ties:

@@ -25,11 +25,10 @@ from reporting.arrays import Array
 from reporting.capability.intervals import Interval, OpenInterval
 from reporting.capability.shares import PPM
 from reporting.distributions.families import FAMILIES
-from reporting.errors import finite_in_order
 from reporting.shape.fitting import AIC_MARGIN, PRACTICAL, Fit, Fits, curvature, handicap, log_likelihood
 from reporting.shape.nonnormal import NonnormalIndices, centred, fitted_indices, indices, less
 from reporting.shape.pareto import abrupt_ends
-from reporting.shape.sorted_sample import BinnedSample, bin_sample, ties
+from reporting.shape.sorted_sample import BinnedSample, SortedSample, bin_sample, sorted_sample
 
 # Plausible parameters of a fit, drawn in proportion to their likelihood.
 #
@@ -107,7 +106,7 @@ _COARSE = 0.1
 
 
 def supported_indices(
-    x: ArrayLike, fits: Fits, lsl: float | None, usl: float | None, confidence: float = 0.95
+    x: ArrayLike | SortedSample, fits: Fits, lsl: float | None, usl: float | None, confidence: float = 0.95
 ) -> tuple[NonnormalIndices, ...]:
     """Return the indices of the chosen family by both methods, with intervals over all candidates."""
     best = fits.of(fits.best)
@@ -121,9 +120,9 @@ def supported_indices(
         "candidates": tuple(fit.title for fit in candidates),
         "ppm_range": (min(expected), max(expected)) if disagree else None,
     }
-    ordered = finite_in_order(x)
-    tied = ties(ordered)
-    sample, step = bin_sample(tied.spread(), BINNED), tied.step / float(np.std(ordered))
+    given = sorted_sample(x)
+    ordered, tied = given.values, given.ties
+    sample, step = bin_sample(given.spread, BINNED), tied.step / float(np.std(ordered))
     moves = (-tied.step / 2, tied.step / 2) if step > _COARSE else (0.0,)
     limited = {name: end for name, end in (("ppl", lsl), ("ppu", usl)) if end is not None}
     cut = {
@@ -154,13 +153,15 @@ def supported_indices(
     return tuple(results)
 
 
-def supported_quantiles(ordered: Array, fits: Fits, shares: Sequence[float], confidences: Sequence[float]) -> Array:
-    """Return the outermost ends of intervals of quantiles of ascending values, over all candidates but the normal one.
+def supported_quantiles(
+    given: SortedSample, fits: Fits, shares: Sequence[float], confidences: Sequence[float]
+) -> Array:
+    """Return the outermost ends of intervals of quantiles of values, over all candidates but the normal one.
 
     Their shape is (confidences, shares, 2); infinity and minus infinity, inside out, where there is no other candidate.
     """
     found = np.stack([np.full((len(confidences), len(shares)), end) for end in (math.inf, -math.inf)], axis=-1)
-    sample = bin_sample(ties(ordered).spread(), BINNED)
+    sample = bin_sample(given.spread, BINNED)
     for fit in fits.fits:
         if fit.family not in fits.candidates or fit.family == "normal":
             continue

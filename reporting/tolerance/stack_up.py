@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc
 
-from reporting.arrays import ROUNDING, Array, random_rows
+from reporting.arrays import ROUNDING, Array, Columns, random_rows
 from reporting.errors import ReportError
 from reporting.samples import SMALLEST
 from reporting.spec import VariableSpec
@@ -147,11 +147,12 @@ def linear_stack(
     # Columns have the shape (n,); the response is NaN where it has no value. `correlated`: the campaign requests
     # correlations. `command` gives the command that simulates values by variable.
     varying = [v for v in specs if v.std > 0]
-    has = np.flatnonzero(np.logical_and.reduce([np.isfinite(y), *(np.isfinite(columns[v.name]) for v in varying)]))
+    inputs = Columns.of(columns).only(v.name for v in varying)
+    has = np.flatnonzero(np.isfinite(y) if inputs.finite is None else np.isfinite(y) & inputs.finite)
     if not varying or has.size < max(_LEAST_ROWS, _ROWS_PER_TERM * (len(varying) + 1)):
         return None
     rows = has[random_rows(has.size)[:_ROWS]]
-    x = np.column_stack([columns[v.name][rows] for v in varying])
+    x = np.column_stack([inputs.take(v.name, rows) for v in varying])
     plane = _plane(y[rows], x)
     ends = np.array([tolerance_of(v) for v in varying])
     steps = plane.slopes * np.ptp(ends, axis=1) / 2
@@ -160,9 +161,10 @@ def linear_stack(
     half, sigma = _root(steps, together), _root(plane.slopes * np.array([v.std for v in varying]), together)
     shift = float(plane.slopes @ (np.array([v.mean for v in varying]) - ends.mean(axis=1)))
     worst = _around(nominal, float(np.abs(steps).sum()))
-    sampled = float(y[has].min()), float(y[has].max())
-    low, high = np.percentile(y[has], _CENTRAL)
-    exceeded = min(sampled[0] - worst[0], worst[1] - sampled[1]) < -ROUNDING * float(np.abs(y[has]).max())
+    known = y if has.size == y.size else y[has]
+    sampled = float(known.min()), float(known.max())
+    low, high = np.percentile(known, _CENTRAL)
+    exceeded = min(sampled[0] - worst[0], worst[1] - sampled[1]) < -ROUNDING * max(map(abs, sampled))
     reliable = plane.shape in (LINEAR, CONSTANT) and not exceeded
     corners = [_corner(specs, varying, ends, sign * plane.slopes) for sign in (-1, 1)]
     stacked = [

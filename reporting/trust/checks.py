@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from reporting import format_numbers
-from reporting.arrays import Array
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis
 from reporting.product_yield import AssemblyShare
-from reporting.samples import OK, Samples, too_few_ok
+from reporting.samples import OK, SHARES, TURN, Samples, too_few_ok
 
 # A drawn mean, sigma or correlation does not deviate by more standard errors from the requested one by chance.
 INPUT_ERRORS_BAR = 4.0
@@ -76,18 +75,16 @@ def failures(samples: Samples, min_ok: float) -> Check:
     return Check("Failures", "attention", text, float(done - ok))
 
 
-def largest(name: str, samples: Samples, values: Array, unit: str, bar: float | None) -> Check:
+def largest(name: str, samples: Samples, column: str, unit: str, bar: float | None) -> Check:
     """Check the largest value of a certificate column over the ok samples against its bound."""
-    rows = np.flatnonzero(samples.ok)
-    stated = rows[np.isfinite(values[rows])]
-    if stated.size == 0:
+    ok, found = int(np.count_nonzero(samples.ok)), samples.largest[column]
+    if found.stated == 0:
         return Check(name, "info", f"No {OK} sample has this number.")
-    row = int(stated[np.argmax(values[stated])])
-    most, suffix = float(values[row]), f" {unit}" if unit else ""
-    text = f"Largest over the ok samples: {format_numbers.significant(most, 2)}{suffix}, sample {samples.sample[row]}"
+    most, suffix = found.value, f" {unit}" if unit else ""
+    text = f"Largest over the ok samples: {format_numbers.significant(most, 2)}{suffix}, sample {found.sample}"
     # An ok sample without the number may be over the bound, whatever the largest of the others is.
-    if stated.size < rows.size:
-        return Check(name, "bad", f"{text}; {rows.size - stated.size} ok samples do not have it.", most)
+    if found.stated < ok:
+        return Check(name, "bad", f"{text}; {ok - found.stated} ok samples do not have it.", most)
     if bar is None:
         return Check(name, "info", f"{text}.", most)
     level = "good" if most <= bar else "bad"
@@ -97,35 +94,29 @@ def largest(name: str, samples: Samples, values: Array, unit: str, bar: float | 
 
 def energy(samples: Samples) -> Iterator[Check]:
     """Check the energy that steps created and lost, and how far bodies turned in them; nothing for earlier builds."""
-    rows = np.flatnonzero(samples.ok)
-    if not samples.later or rows.size == 0:
+    ok = int(np.count_nonzero(samples.ok))
+    if TURN not in samples.largest or ok == 0:
         return
-    later = {name: column[rows] for name, column in samples.later.items()}
-    kinetic = later["max_kinetic_energy"]
-    nothing = np.zeros_like(kinetic)
-    shares = [
-        np.divide(later[f"{name}_energy"], kinetic, out=nothing.copy(), where=kinetic != 0.0)
-        for name in ("created", "lost")
-    ]
-    missing = int(np.count_nonzero(~np.isfinite(shares[0] + shares[1])))
+    shares = [samples.largest[name] for name in SHARES]
+    missing = ok - shares[0].stated
     if missing:
         yield Check("Energy", "bad", f"{missing} ok samples do not have the energy that their steps created and lost.")
     else:
-        most = [float(share.max()) for share in shares]
+        most = [share.value for share in shares]
         created, lost = map(format_numbers.short_percent, most)
-        at = samples.sample[rows[int(shares[int(np.argmax(most))].argmax())]]
         text = (
             f"Steps created at most {created} of a run's largest kinetic energy, and lost at most {lost}"
-            f" (largest: sample {at}); "
+            f" (largest: sample {shares[int(np.argmax(most))].sample}); "
         )
-        at_rest = bool(samples.settled[rows].all())  # what was lost on the way to a pose at rest does not change it
+        # what was lost on the way to a pose at rest does not change it
+        at_rest = bool(samples.settled[samples.ok].all())
         good = most[0] <= ENERGY_BAR and (at_rest or most[1] <= ENERGY_BAR)
         over = "all runs end at rest, where losses on the way do not count"
         over = over if good else "the motion is not accurate: use shorter steps"
         bound = format_numbers.short_percent(ENERGY_BAR)
         text += f"within the bound of {bound}." if max(most) <= ENERGY_BAR else f"over the bound of {bound}; {over}."
         yield Check("Energy", "good" if good else "attention", text, max(most))
-    yield largest("Rotation in a step", samples, samples.later["max_turn"], "rad", TURN_BAR)
+    yield largest("Rotation in a step", samples, TURN, "rad", TURN_BAR)
 
 
 def settled(samples: Samples) -> Check:

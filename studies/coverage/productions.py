@@ -14,7 +14,7 @@ from scipy import stats
 from engine.arrays import Array
 from reporting import ReportSpec, ResponseSpec, VariableSpec
 from reporting.analysis import Analysis, analyse
-from reporting.samples import Samples
+from reporting.samples import LIMITED, Largest, Samples
 from reporting.trust.checks import Check
 from studies.coverage.shapes import CURVES, Truth, explained
 from studies.row_order import ALTERNATING, CORRELATED, Draw
@@ -159,8 +159,7 @@ def samples_of(production: Production, y: Array, variables: Array | None = None)
         messages={},
         ok=np.ones(n, np.bool_),
         values={RESPONSE: y, **columns},
-        max_residual=np.zeros(n),
-        max_penetration=np.zeros(n),
+        largest={name: Largest(0.0, 0, n) for name in LIMITED},
         settled=np.ones(n, np.bool_),
         penetration_unit="mm",
         production_batch=production.lot_of(n),

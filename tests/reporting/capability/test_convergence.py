@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from reporting import capability
+from reporting.capability import row_order
 from reporting.capability.row_order import DRIFT_BAR, convergence, drift
 
 
@@ -43,3 +44,24 @@ def test_a_change_half_way_is_seen(shift, stretch) -> None:
 @pytest.mark.parametrize("x", [np.zeros(0), np.ones(9), np.full(100, 3.7)])
 def test_nothing_to_run_is_none(x) -> None:
     assert convergence(x, 0.0, 1.0, 0.95) is None
+
+
+@pytest.mark.parametrize("limits", [(-3.0, 5.0), (None, None)])
+@pytest.mark.parametrize("draw", ["normal", "exponential", "uniform"])
+def test_points_of_many_samples_come_from_sums_over_all(monkeypatch, draw, limits) -> None:
+    """They are those of the samples themselves, whatever the shape and however far from zero."""
+    x = 1e5 + getattr(np.random.default_rng(8), draw)(size=3000)
+    ends = [None if end is None else end + 1e5 for end in limits]
+    expected = convergence(x, *ends, 0.95)
+    monkeypatch.setattr(row_order, "MOST_ROWS", 200)
+    found = convergence(x, *ends, 0.95)
+    assert found.n == expected.n
+    for name in ("value", "low", "high"):
+        assert getattr(found, name) == pytest.approx(getattr(expected, name), rel=1e-7)
+
+
+def test_many_samples_that_begin_with_equal_ones_have_the_same_points(monkeypatch) -> None:
+    x = np.concatenate([np.full(300, 1.0), np.random.default_rng(9).normal(1.0, 1.0, 700)])
+    expected = convergence(x, -3.0, 5.0, 0.95)
+    monkeypatch.setattr(row_order, "MOST_ROWS", 200)
+    assert convergence(x, -3.0, 5.0, 0.95) == expected

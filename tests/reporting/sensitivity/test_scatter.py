@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reporting.sensitivity.scatter import EXTREMES, POINTS
+from reporting.sensitivity.scatter import EXTREMES, POINTS, scatters
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 
@@ -33,3 +33,25 @@ def test_a_response_without_inputs_has_none() -> None:
     """Nothing varies, or nothing is known of what varies."""
     spec = replace(c60_spec(50), variables=())
     assert all(not r.scatters for r in analysis_of(c60_table(50), spec).responses)
+
+
+def test_the_extremes_of_many_samples_are_drawn() -> None:
+    """Of all of them, although the others are a few random ones, and the slope is that of random ones."""
+    n = 250_000
+    x, noise = np.random.default_rng(3).normal(size=(2, n))
+    inputs, y = {"a": x, "flat": np.full(n, 2.0)}, 3.0 * x + noise
+    found = scatters(None, inputs, y)
+    (of_a,) = found
+    ordered = np.sort(y)
+    assert {*ordered[:EXTREMES], *ordered[-EXTREMES:]} <= set(of_a.y)
+    assert len(of_a.y) <= POINTS + 2 * EXTREMES
+    assert of_a.n == n
+    assert of_a.slope == pytest.approx(3.0, abs=0.02)
+
+
+def test_samples_without_an_input_are_left_out() -> None:
+    x = np.random.default_rng(4).normal(size=300)
+    y, known = 2.0 * x, np.where(np.arange(300) < 30, np.nan, x)
+    (found,) = scatters(None, {"a": known}, y)
+    assert found.n == 270
+    assert set(found.x) == set(x[30:])

@@ -6,6 +6,7 @@ from scipy import stats
 
 from reporting.errors import finite_in_order
 from reporting.shape.nonnormal import ENDS, FEWEST, empirical_indices, interval_of_quantiles, quantile_interval
+from reporting.shape.sorted_sample import sorted_sample
 
 
 @pytest.mark.parametrize(("n", "share"), [(60, 0.5), (500, 0.1), (3000, 0.99865), (40_000, 0.00135)])
@@ -56,3 +57,11 @@ def test_finite_values_are_in_order_whatever_order_they_had():
     for x in ([1.0, 2.0, 2.0], [2.0, 1.0, 2.0], [2.0, 2.0, 1.0], [np.nan, 2.0, np.inf, 1.0, 2.0]):
         assert finite_in_order(x).tolist() == [1.0, 2.0, 2.0]
     assert finite_in_order([]).size == 0
+
+
+def test_quantiles_of_a_sorted_sample_are_numpys():
+    """To the last bit, at both ends and between."""
+    rng, shares = np.random.default_rng(11), [0.0, 0.00135, 0.25, 0.5, 0.75, 0.9, 0.99865, 1.0]
+    for n in (1, 2, 3, 10, 999, 1000):
+        x = rng.normal(5.0, 2.0, n)
+        assert np.array_equal(sorted_sample(x).quantiles(shares), np.quantile(x, shares))

@@ -1,0 +1,57 @@
+"""Columns at some rows, and rows that come table by table."""
+
+import numpy as np
+import pyarrow as pa
+
+from reporting.arrays import MOST_ROWS, Columns, random_rows
+from reporting.samples import AMBIGUOUS, AT_IMPACT, LATER, read_samples
+from tests.reporting.synthetic import c60_spec, c60_table
+
+
+def test_columns_are_cut_where_they_are_asked_for():
+    """At rows of rows, as arrays are; a row where one is not finite is known."""
+    a, b = np.arange(10.0), np.where(np.arange(10) == 7, np.nan, 1.0)
+    every = Columns({"a": a, "b": b})
+    odd, big = np.arange(10) % 2 == 1, np.arange(10) > 4
+    some = every.where(odd).where(big[odd])
+    assert list(some) == ["a", "b"]
+    assert some["a"].tolist() == [5.0, 7.0, 9.0]
+    assert some.take("a", np.array([2, 0])).tolist() == [9.0, 5.0]
+    assert some.finite.tolist() == [True, False, True]
+    assert some.only(["a"]).finite is None
+    assert (every.sizes, some.sizes, Columns({}).sizes) == ({10}, {3}, set())
+    assert every.where(np.ones(10, bool))["a"] is a
+    assert Columns({}).finite is None
+
+
+def test_random_rows_of_many_are_different_ones():
+    for n in (10, MOST_ROWS, MOST_ROWS + 1, 10 * MOST_ROWS):
+        rows = random_rows(n)
+        assert np.unique(rows).size == rows.size == min(n, MOST_ROWS)
+        assert abs(rows[:1000].mean() / n - 0.5) < 0.5 * (n < 1000) + 0.05
+        assert rows.max() < n
+
+
+def test_rows_are_the_same_in_one_table_or_in_many():
+    """Their columns, their remarks, and the largest certificates of the ok ones."""
+    n = 700
+    rng, table = np.random.default_rng(2), c60_table(n, 100)
+    for name in LATER:
+        table = table.append_column(name, pa.array(rng.random(n)))
+    struck = ["", "FC-1", "FC-1,FC-2", None]
+    table = table.append_column(AT_IMPACT, pa.array([struck[i % 4] for i in range(n)]))
+    table = table.append_column(AMBIGUOUS, pa.array(rng.random(n) < 0.1))
+    spec = c60_spec(n)
+    pieces = [table.slice(first, 90) for first in range(0, n, 90)]
+    one, many = read_samples(table, spec), read_samples(iter(pieces), spec)
+    assert one.largest == many.largest
+    assert one.largest["max_turn"].value == table["max_turn"].to_numpy()[:600].max()
+    assert one.largest["max_turn"].stated == 600
+    assert (one.statuses, one.messages.keys()) == (many.statuses, many.messages.keys())
+    for name in ("sample", "status", "ok", "settled", "ambiguous"):
+        assert np.array_equal(getattr(one, name), getattr(many, name))
+    for of in ("values", "at_impact"):
+        assert {*getattr(one, of)} == {*getattr(many, of)}
+        assert all(np.array_equal(column, getattr(many, of)[name], True) for name, column in getattr(one, of).items())
+    assert one.at_impact["FC-2"].sum() == n // 4
+    assert set(read_samples(table.drop_columns(["max_turn"]), spec).largest) == {"max_residual", "max_penetration"}
