@@ -2,23 +2,26 @@
 
 At each step the node with the fewest neighbours is eliminated first (minimum degree): a chain remains a chain, a tree
 remains a tree, and a heap gets as little fill-in as a greedy choice allows. Multipliers come after the bodies that
-their rows act on, because only these give them a pivot.
+their rows act on, because only these give them a pivot. In a small system they also come after the bodies that fill-in
+has made their neighbours; in a long chain of joints and contacts all of them would then wait for its last body.
 """
 
 import numpy as np
 
 from engine.arrays import Integers
 from engine.friction.blocks import Elimination
-from engine.jit import kernel
+from engine.jit import inner, kernel
+
+SMALL = 24  # nodes of a system in which the additional fill-in costs little
 
 
 @kernel
-def order_nodes(neighbours, after, order, degree):
+def order_nodes(neighbours, held, after, order, degree):
     """Write the order of elimination, and mark the pairs of the fill-in in ``neighbours``.
 
     ``neighbours``, (nodes, nodes), is symmetric and true for the pairs with a block; nodes marked in ``after`` come
-    after all their unmarked neighbours; ``degree`` is workspace. Return the number of pairs, and the number of pairs
-    among the later neighbours of each node, summed over all nodes.
+    after all their unmarked neighbours in ``held``, which may be the same array; ``degree`` is workspace. Return the
+    number of pairs, and the number of pairs among the later neighbours of each node, summed over all nodes.
     """
     nodes, pairs, targets = order.shape[0], 0, 0
     for a in range(nodes):
@@ -28,13 +31,9 @@ def order_nodes(neighbours, after, order, degree):
     for step in range(nodes):
         best = -1
         for a in range(nodes):
-            if degree[a] >= 0 and (best < 0 or degree[a] < degree[best]):
-                ready = True
-                if after[a]:
-                    for b in range(nodes):
-                        ready = ready and not (neighbours[a, b] and not after[b] and degree[b] >= 0)
-                if ready:
-                    best = a
+            fewer = degree[a] >= 0 and (best < 0 or degree[a] < degree[best])
+            if fewer and not (after[a] and _waits(a, held, after, degree)):
+                best = a
         order[step], m = best, degree[best]
         degree[best] = -1  # eliminated
         pairs, targets = pairs + m, targets + m * (m - 1) // 2
@@ -47,6 +46,15 @@ def order_nodes(neighbours, after, order, degree):
                         degree[a] += 1
                         degree[b] += 1
     return pairs, targets
+
+
+@inner
+def _waits(a, held, after, degree):
+    """Return whether an unmarked neighbour of node ``a`` in ``held`` is not eliminated yet."""
+    b = 0
+    while b < degree.shape[0] and not (held[a, b] and not after[b] and degree[b] >= 0):
+        b += 1
+    return b < degree.shape[0]
 
 
 @kernel
@@ -84,7 +92,8 @@ def eliminate_nodes(neighbours: np.ndarray, after: np.ndarray | None = None) -> 
     nodes = len(neighbours)
     order, degree, number = np.zeros((3, nodes), np.int64)
     after = np.zeros(nodes, bool) if after is None else after
-    pairs, targets = order_nodes(neighbours, after, order, degree)
+    held = neighbours if nodes <= SMALL else neighbours.copy()
+    pairs, targets = order_nodes(neighbours, held, after, order, degree)
     piece = np.zeros((nodes, nodes), np.int64)
     pair, later = np.zeros((2, pairs), np.int64)
     system = Elimination(np.zeros(nodes + 1, np.int64), pair, later, degree, np.zeros(targets, np.int64))

@@ -5,10 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.chain import chain
+from engine.assembly import assemble
 from engine.friction.arrays import dense_rows, friction_arrays
 from engine.friction.blocks import BODY, PIECE, ROW, add_contact, factorise, start_system, substitute
 from engine.friction.elimination import eliminate_nodes
 from engine.jit import kernel
+from engine.mechanism import mechanism_from
 from tests.counts import many
 
 pytestmark = pytest.mark.bits
@@ -120,6 +123,28 @@ def test_multipliers_come_after_the_bodies_that_they_touch(seed):
     _, number, _ = eliminate_nodes(neighbours, np.arange(bodies + ties) >= bodies)
     for tie, touched in enumerate(ends, bodies):
         assert number[tie] > max(number[touched])
+
+
+def test_a_long_chain_of_joints_with_friction_stays_a_chain():
+    """A multiplier waits for its own two bodies, not for those that elimination has made its neighbours."""
+    for links in (30, 100):
+        mechanism = mechanism_from(chain(links, clearance=0.0, torque=1e-4), "chain")
+        system = assemble(mechanism).problem.system
+        assert system.begin.size == 3 * links  # bodies, multipliers, and weights on which the friction acts
+        assert system.pair.size == 7 * links - 6
+        assert system.target.size == 5 * links - 7
+
+
+def test_a_small_system_keeps_its_order():
+    """The multipliers of up to 24 nodes come after all bodies that they are connected with."""
+    for bodies in (12, 13):
+        neighbours = np.zeros((2 * bodies, 2 * bodies), bool)
+        for k in range(bodies):
+            for a, b in ((k, k - 1), (bodies + k, k), (bodies + k, k - 1)):
+                if b >= 0:
+                    neighbours[a, b] = neighbours[b, a] = True
+        _, number, _ = eliminate_nodes(neighbours, np.arange(2 * bodies) >= bodies)
+        assert (number[bodies:].min() > number[:bodies].max()) == (bodies == 12)
 
 
 def test_pieces_are_rows_of_eight():
