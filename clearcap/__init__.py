@@ -8,6 +8,8 @@
 Each name is imported when it is first used, so that ``import clearcap`` takes no time.
 """
 
+import os
+import sys
 from importlib import import_module
 
 TYPE_CHECKING = False  # not from typing: ``python -m clearcap`` would look for it in the current folder
@@ -91,8 +93,19 @@ def __getattr__(name: str) -> object:
         return clearcap_version()
     if name not in __all__:
         raise AttributeError(f"module 'clearcap' has no attribute {name!r}; it has {', '.join(__all__)}")
-    globals()[name] = value = getattr(import_module(_HOME.get(name, "engine")), name)
+    try:
+        globals()[name] = value = getattr(import_module(_HOME.get(name, "engine")), name)
+    except (ImportError, AttributeError) as error:
+        for package in ("campaign", "engine", "reporting"):
+            found = getattr(sys.modules.get(package), "__file__", None)
+            if found and _root(found) != _root(__file__):
+                raise ImportError(f"{found}: hides clearcap's package {package}; rename this file or folder") from error
+        raise
     return value
+
+
+def _root(file: str) -> str:
+    return os.path.dirname(os.path.dirname(os.path.realpath(file)))
 
 
 def __dir__() -> list[str]:

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reporting.arrays import Array, Columns
+from reporting.arrays import Array, Columns, random_rows
 from reporting.capability.intervals import Estimate
-from reporting.capability.verdict import CAPABLE, WORST_FIRST, changed_by_failures
+from reporting.capability.verdict import WORST_FIRST, changed_by_failures
 from reporting.comparison import Comparison, compare
+from reporting.emulation.emulated_tolerances import EmulatedTolerances
 from reporting.errors import ReportError
 from reporting.format_numbers import grouped
 from reporting.inputs import (
@@ -52,7 +53,15 @@ from reporting.sensitivity.repeatability import repeatabilities
 from reporting.sensitivity.summary import Known, sensitivity
 from reporting.sensitivity.total_order import independent_draws, total_order
 from reporting.spec import Design, ReportSpec
-from reporting.tolerance.advice import Advice, AdvisedSamples, Shortfall, ToleranceAdvice, tolerance_advice
+from reporting.tolerance.advice import (
+    ADVISED_ROWS,
+    Advice,
+    AdvisedSamples,
+    DecidingIndex,
+    Shortfall,
+    ToleranceAdvice,
+    tolerance_advice,
+)
 from reporting.tolerance.reweighting import Change
 from reporting.trust.card import repeatable, trust_checks
 from reporting.trust.checks import Check
@@ -62,9 +71,16 @@ if TYPE_CHECKING:
     from reporting.samples import Rows
 
 CONFIDENCE = 0.95
-_WORSE = ("marginal", "not capable")  # verdicts below the one of a Cpk at the target
 
-Rescale = Callable[[Mapping[str, float], Mapping[str, Array]], Change]
+
+@dataclass(frozen=True)
+class OtherSpreads:
+    """The variables of a campaign with their standard deviations multiplied by factors, for advice on tolerances."""
+
+    # factors and the samples of the variables, shape (n,), to the change of the density at each sample
+    change: Callable[[Mapping[str, float], Mapping[str, Array]], Change]
+    # factors to new samples of the variables, shape (m,); None if no emulator applies to them, as with lots
+    drawn: Callable[[Mapping[str, float]], Mapping[str, Array]] | None = None
 
 
 @dataclass(frozen=True)
@@ -98,9 +114,10 @@ class Analysis:
     correlations: tuple[CorrelationAnalysis, ...]  # the requested ones, and the largest of the others
     response_correlations: tuple[ResponseCorrelation, ...]  # of the responses with each other, the strongest first
     never_critical: tuple[str, ...]  # variables that are not critical for any response
-    advice: tuple[Advice, ...]  # how much each spread may grow while the responses `kept` keep Cpk 1.33; may be empty
-    kept: tuple[str, ...]  # responses that have Cpk 1.33 now
-    shortfalls: tuple[Shortfall, ...]  # responses with a lower Cpk, the worst first, and what must shrink for each
+    advice: tuple[Advice, ...]  # how much each spread may grow while the responses `kept` keep their targets
+    kept: tuple[str, ...]  # responses that have their required index now
+    kept_at: str  # in words, such as "Cpk 1.33"
+    shortfalls: tuple[Shortfall, ...]  # responses with a lower index, the worst first, and what must shrink for each
     advice_note: str  # why there is no advice; empty if there is
     failures: tuple[FailedSample, ...]  # the first failed samples
     failed_against_ok: tuple[FailedAgainstOk, ...]  # what separates them, by variable; empty without failed or ok ones
@@ -111,15 +128,14 @@ class Analysis:
 def analyse(
     samples: Samples,
     spec: ReportSpec,
-    rescale: Rescale | None = None,
+    spreads: OtherSpreads | None = None,
     against: "tuple[Rows, ReportSpec] | None" = None,
     repeats: Repeats | None = None,
     decided: Sequence[Decision] = (),
 ) -> Analysis:
     """Return the analysis of a finished or running campaign; raise ReportError if rows or limits are wrong.
 
-    `rescale` gives the change of the density at each sample when standard deviations are multiplied by factors, for
-    tolerance advice. `against` is another campaign; of corners only the worst case is shown. `repeats` were simulated
+    `against` is another campaign; of corners only the worst case is shown. `repeats` were simulated
     with half the step. `decided` are weighted runs; of those on one response the last that give an interval decide it.
     """
     samples, rounding = leveled_samples(samples, spec)
@@ -155,7 +171,7 @@ def analyse(
     variables = tuple(analyse_variable(v, drawn.values[v.name], drawn.sample) for v in spec.variables)
     correlations = analyse_correlations(spec, drawn)
     ok = int(np.count_nonzero(samples.ok))
-    advised = _advice(drawn, spec, responses, rescale)
+    advised = _advice(drawn, spec, responses, spreads)
     return Analysis(
         spec=spec,
         headline=headline(spec, counts, responses, fit),
@@ -181,6 +197,7 @@ def analyse(
         never_critical=influences.never_critical() if influences else (),
         advice=advised.growth,
         kept=advised.kept,
+        kept_at=advised.kept_at,
         shortfalls=advised.shortfalls,
         advice_note=advised.note,
         failures=list_failures(spec, samples),
@@ -258,34 +275,33 @@ def _sensitivity(samples: Samples, spec: ReportSpec, known: Mapping[str, Known])
 
 
 def _advice(
-    samples: Samples, spec: ReportSpec, responses: tuple[ResponseAnalysis, ...], rescale: Rescale | None
+    samples: Samples, spec: ReportSpec, responses: tuple[ResponseAnalysis, ...], spreads: OtherSpreads | None
 ) -> ToleranceAdvice:
-    """Return which spreads must shrink for responses below Cpk 1.33, and which may grow for the others."""
+    """Return which spreads must shrink for responses below their required index, and which may grow for the others."""
     if not spec.design.production:
         return ToleranceAdvice(note="The samples do not represent production, so they give no advice on tolerances.")
-    if rescale is None:
+    if spreads is None:
         return ToleranceAdvice(note="No advice: the distributions of the variables are not known.")
     columns = {v.name: samples.values[v.name] for v in spec.variables}
-    limited = [r for r in responses if r.spec.lsl is not None or r.spec.usl is not None]
-    found = tolerance_advice(
-        AdvisedSamples(
-            {r.spec.name: np.where(samples.ok, samples.values[r.spec.name], np.nan) for r in limited},
-            {r.spec.name: (r.spec.lsl, r.spec.usl) for r in limited},
-            columns,
-            [v.name for v in spec.variables if v.std > 0],
-            samples.lots,
-            1 - spec.min_ok,
-        ),
-        {r.spec.name: r.capability.cpk for r in limited},
-        CAPABLE,
-        lambda factors, rows: rescale(factors, {name: x[rows] for name, x in columns.items()}),
+    varied = [v.name for v in spec.variables if v.std > 0]
+    limits = {r.spec.name: (r.spec.lsl, r.spec.usl) for r in responses if (r.spec.lsl, r.spec.usl) != (None, None)}
+    values = {name: np.where(samples.ok, samples.values[name], np.nan) for name in limits}
+    emulation = None
+    if spreads.drawn is not None and samples.lots is None:  # lots share a shift: few, however many are emulated
+        n = samples.sample.size
+        rows = np.arange(n) if n <= ADVISED_ROWS else random_rows(n)[:ADVISED_ROWS]
+        inputs = {name: columns[name][rows] for name in varied}
+        emulation = EmulatedTolerances(inputs, {name: y[rows] for name, y in values.items()}, limits, spreads.drawn)
+    return tolerance_advice(
+        AdvisedSamples(values, limits, varied, samples.lots, 1 - spec.min_ok, emulation),
+        {
+            r.spec.name: DecidingIndex(r.capability.cpk, r.index, r.spec.requirement)
+            for r in responses
+            if r.spec.name in limits
+        },
+        lambda factors, rows: spreads.change(factors, {name: x[rows] for name, x in columns.items()}),
         CONFIDENCE,
     )
-    doubtful = [r.spec.name for r in limited if r.spec.name in found.kept and r.verdict.word in _WORSE]
-    if not doubtful or not found.growth:
-        return found
-    note = "Cpk reaches its target, but the verdict is worse. The advice considers Cpk alone: do not use it for them."
-    return replace(found, note=f"{', '.join(doubtful)}: {note}")
 
 
 def headline(

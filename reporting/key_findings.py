@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from reporting import format_numbers
-from reporting.capability.verdict import CAPABLE, PERCENTILE, WEIGHTED
+from reporting.capability.verdict import PERCENTILE, WEIGHTED
 from reporting.sensitivity.repeatability import NOTABLE_SHARE
 from reporting.tolerance.advice import Advice
 
@@ -119,22 +119,21 @@ def _tolerances(analysis: "Analysis") -> str:
         if ways:
             least = max(ways, key=lambda a: a.factor or 0.0)
             sentences.append(
-                f"Tightening {least.variable} to {_times(least)} × σ would bring {short.response} to Cpk "
-                f"{short.target:.2f}."
+                f"Tightening {least.variable} to {_times(least)} × σ would bring {short.response} to {short.aim}."
             )
         elif short.centred is not None and short.centred >= short.target:
             sentences.append(
-                f"No smaller tolerance alone brings {short.response} to Cpk {short.target:.2f}; centring its mean "
-                f"would ({format_numbers.index(short.centred)})."
+                f"No smaller tolerance alone brings {short.response} to {short.aim}; centring its mean would "
+                f"(Cpk {format_numbers.index(short.centred)})."
             )
         else:
-            sentences.append(f"No single tolerance brings {short.response} to Cpk {short.target:.2f}.")
+            sentences.append(f"No single tolerance brings {short.response} to {short.aim}.")
     growing = [a for a in analysis.advice if not a.refusal and a.factor is not None and a.factor > 1]
     growing.sort(key=lambda a: -(a.factor or 0.0))
     if growing:
         each = _listed([f"{a.variable} ({_times(a)} × σ)" for a in growing[:_NAMED]])
         kept = "all responses keep" if not analysis.shortfalls else "the other responses keep"
-        sentences.append(f"One at a time, these tolerances could be looser while {kept} Cpk {CAPABLE:.2f}: {each}.")
+        sentences.append(f"One at a time, these tolerances could be looser while {kept} {analysis.kept_at}: {each}.")
     elif analysis.advice:
         sentences.append("No tolerance can be looser.")
     return " ".join(sentences)

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from reporting.analysis import Analysis, Decision, Rescale, analyse
+from reporting.analysis import Analysis, Decision, OtherSpreads, analyse
 from reporting.errors import ReportError
 from reporting.render.data_files import render_json, render_parquet
 from reporting.render.excel import render_workbook
@@ -40,7 +40,7 @@ def write_report(
     folder: Path,
     *,
     kinds: Collection[str] = USUAL,
-    rescale: Rescale | None = None,
+    spreads: OtherSpreads | None = None,
     against: "tuple[Rows, ReportSpec] | None" = None,
     repeats: Repeats | None = None,
     decided: Sequence[Decision] = (),
@@ -60,7 +60,7 @@ def write_report(
     kinds : collection of str
         Keys of `NAMES`; "html" and "json" are always written. A file whose package is missing is omitted, and
         the page says how to install it.
-    rescale, against, repeats, decided
+    spreads, against, repeats, decided
         See `reporting.analysis.analyse`.
 
     Returns
@@ -74,7 +74,7 @@ def write_report(
         The rows do not fit the spec, or the folder cannot be written.
     """
     samples = read_samples(rows, spec)
-    analysis = analyse(samples, spec, rescale, against, repeats, decided)
+    analysis = analyse(samples, spec, spreads, against, repeats, decided)
     contents = _rendered(analysis, samples, {"html", "json", *kinds})
     folder = Path(folder)
     try:

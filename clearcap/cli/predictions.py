@@ -230,23 +230,23 @@ def _is_answered(advised: "ToleranceAdvice") -> bool:
 
 
 def _print_advice(advised: "ToleranceAdvice") -> None:
-    """Print what must shrink for each response below Cpk 1.33, then how far each variable may grow for the others."""
+    """Print what must shrink for each response below its target, then how far each variable may grow for the others."""
     heads = ("variable", "factor", "95 % interval", "limited by", "Cpk then", "write, or try in whatif --set", "method")
     for short in advised.shortfalls:
         title = (
-            f"{short.response} is below Cpk 1.33: factor on the present sigma of one variable alone that reaches 1.33"
+            f"{short.response} is below {short.aim}: factor on the present sigma of one variable alone that reaches it"
         )
         together = () if short.together is None else (short.together,)
         print_table(title, heads, [_advice_row(each) for each in (*short.alone, *together)])
         print_text(short.text)
     if not advised.growth:
         return
-    title = f"factor on the present sigma of one variable alone that keeps {', '.join(advised.kept)} at Cpk 1.33"
+    title = f"factor on the sigma of one variable alone that keeps {', '.join(advised.kept)} at {advised.kept_at}"
     print_table(title, heads, [_advice_row(each) for each in advised.growth])
     print_text("Each factor holds only while all other variables stay as they are.")
     for each in advised.growth:
         for response, cpk in each.below.items():
-            print_text(f"{each.variable} at {each.factor:.3g}: {response}, already below Cpk 1.33, falls to {cpk:.4g}")
+            print_text(f"{each.variable} at {each.factor:.3g}: {response}, already too low, falls to Cpk {cpk:.4g}")
 
 
 def _advice_row(advice: "Advice") -> tuple[str, ...]:

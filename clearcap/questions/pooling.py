@@ -33,12 +33,12 @@ from clearcap.questions.report import (
     COMMAND,
     campaign_end,
     decisions,
+    other_spreads,
     put_report,
     refusals_of,
     repeats_of,
     report_rows,
     report_spec,
-    rescaled,
     stopping_rule,
 )
 from clearcap.questions.report_source import OF_PLAN, OF_ROWS, report_source
@@ -249,7 +249,7 @@ def _beside_rows(pool: Pool) -> dict[str, Any]:
     # of one campaign alone: two that aim at the same limits would be shown as if one refined the other
     decided = next((found for found in (decisions(*each) for each in pool.members) if found), ())
     repeats = [repeats_of(*each) for each in pool.members]
-    return {"rescale": rescaled(pool.members[0][1]), "repeats": _joined(repeats, pool.firsts), "decided": decided}
+    return {"spreads": other_spreads(pool.members[0][1]), "repeats": _joined(repeats, pool.firsts), "decided": decided}
 
 
 def _joined(repeats: Iterable[Repeats], firsts: Sequence[int]) -> Repeats:

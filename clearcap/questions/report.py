@@ -44,7 +44,7 @@ from engine import Mechanism, MechanismError
 from engine.mechanism import unit_of
 from engine.mechanism.keys.values import set_values
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, capability, write_report
-from reporting.analysis import Analysis, Decision, Rescale, analyse, compare_rows
+from reporting.analysis import Analysis, Decision, OtherSpreads, analyse, compare_rows
 from reporting.arrays import centred_ranks
 from reporting.capability.verdict import CAPABLE
 from reporting.comparison import Comparison
@@ -169,12 +169,13 @@ def analysis(store: Store, plan: Plan) -> Analysis:
 
 def _beside_rows(store: Store, plan: Plan) -> dict[str, Any]:
     """Return how spreads change rows, the repeats, and the complete campaigns that decide what samples leave open."""
-    return {"rescale": rescaled(plan), "repeats": repeats_of(store, plan), "decided": decisions(store, plan)}
+    return {"spreads": other_spreads(plan), "repeats": repeats_of(store, plan), "decided": decisions(store, plan)}
 
 
-def rescaled(plan: Plan) -> Rescale:
-    """Return how other spreads of the variables change the weights of samples."""
-    return Spreads(plan.spec, plan.mechanism).change
+def other_spreads(plan: Plan) -> OtherSpreads:
+    """Return what the samples of a campaign become at other spreads of its variables."""
+    spreads = Spreads(plan.spec, plan.mechanism)
+    return OtherSpreads(spreads.change, spreads.drawn)
 
 
 def decisions(store: Store, plan: Plan) -> tuple[Decision, ...]:

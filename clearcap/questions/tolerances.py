@@ -8,7 +8,7 @@ cannot grow. A distribution without bounds grows until the mechanism refuses its
 below 0.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from math import exp, inf, isfinite, log
@@ -34,11 +34,11 @@ from engine.arrays import Array
 from engine.mechanism import Mechanism
 from engine.mechanism.base import PositiveNumber, TableModel
 from engine.platform.toml_file import UnfitToml, parse_toml, read_toml, text_bytes
-from reporting import ReportError, capability, format_numbers
+from reporting import ReportError, format_numbers
 from reporting.capability.verdict import CAPABLE
 from reporting.emulation.emulated_tolerances import NEW_SAMPLES, EmulatedTolerances
 from reporting.sensitivity.summary import sensitivity
-from reporting.tolerance.advice import AdvisedSamples, ToleranceAdvice, tolerance_advice
+from reporting.tolerance.advice import ToleranceAdvice
 from reporting.tolerance.allocation import Allocation, CostedVariable, Requirement, allocate
 from reporting.tolerance.cost_laws import CostLaw, ExponentialLaw, PowerLaw, Process, ProcessTable
 from reporting.tolerance.reweighting import Change
@@ -101,17 +101,18 @@ class Spreads:
         return replace(
             change,
             spread=min((each.factor for each in limited or spreads.values()), key=lambda f: abs(log(f))),
-            moved={
-                name: _moved(old, each.law, columns[name])
-                for name, each in spreads.items()
-                if isinstance(old := self._spec.variables[name], Continuous) and isinstance(each.law, Continuous)
-            },
             limit="; ".join(dict.fromkeys(each.limit for each in limited)),
             settings=tuple(
                 f"{name}.{key}={_shown(x)}" for name, each in spreads.items() for key, x in each.keys.items()
             ),
             written=tuple(text for name, factor in factors.items() for text in self.written(name, factor)),
         )
+
+    def drawn(self, factors: Mapping[str, float]) -> Mapping[str, Array]:
+        """Return new samples of all variables, shape (m,), with factors on standard deviations."""
+        laws = {name: self.of_variable(name, factor).law for name, factor in factors.items()}
+        update = {"variables": {**self._spec.variables, **laws}, "sampler": "sobol", "samples": NEW_SAMPLES}
+        return draw(self._spec.model_copy(update=update), 0, NEW_SAMPLES)
 
     def written(self, name: str, factor: float) -> tuple[str, ...]:
         """Return what to write for a factor on one standard deviation, in the digits of a drawing."""
@@ -244,16 +245,6 @@ def _as_drawn(value: Any, std: float) -> str:
     return format_numbers.plain(round(value, places))
 
 
-def _moved(old: Continuous, new: Continuous, x: Array) -> Array:
-    """Return the values of a new distribution at the ranks of values of the old one."""
-    ranks = np.clip(old.cdf(x), _NEAREST, 1 - _NEAREST)
-    if new.batch is None:
-        return new.ppf(ranks)
-    (mean, std), (low, high) = new.moments(), new.support()  # quantiles over all production batches have no formula
-    grid = np.linspace(max(low, mean - _WIDEST * std), min(high, mean + _WIDEST * std), _GRID)
-    return np.interp(ranks, new.cdf(grid), grid)
-
-
 class ProcessCost(TableModel, strict=True):
     """One process that makes a variable."""
 
@@ -364,29 +355,18 @@ def costs_of(tables: Mapping[str, Any], plan: Plan, heading: str) -> Costs:
 
 
 def advice_of(store: Store, plan: Plan) -> ToleranceAdvice:
-    """Return `advice_from` for the samples in the store."""
+    """Return which spreads must shrink for responses below their required index, and which may grow for the others.
+
+    It is the advice of the report. Raises CampaignError if there is none.
+    """
+    from clearcap.questions.report import analysis  # which asks this module for spreads
+
     check_drawn(plan.spec)
-    return advice_from(plan, independent_samples(store, plan))
-
-
-def advice_from(plan: Plan, columns: SampleColumns) -> ToleranceAdvice:
-    """Return which spreads must shrink for responses below Cpk 1.33, and which may grow for the others."""
-    check_drawn(plan.spec)
-    samples, limits, lots = columns.values, _given_limits(plan), lots_of(plan, columns.number)
-    variables = {name: samples[name] for name in plan.spec.variables}
-    spreads = Spreads(plan.spec, plan.mechanism)
-
-    def rescale(factors: Mapping[str, float], rows: NDArray[np.intp]) -> Change:
-        return spreads.change(factors, {name: x[rows] for name, x in variables.items()})
-
     with _advice_errors(plan):
-        cpks = {name: capability(samples[name], *pair, ordered=False).cpk for name, pair in limits.items()}
-        if all(cpk is None for cpk in cpks.values()):
-            raise ReportError("no response has limits and values that vary; give limits to at least one")
-        responses, most_failed = {name: samples[name] for name in limits}, 1 - plan.spec.failures.min_ok
-        varied = [name for name, variable in plan.spec.variables.items() if variable.moments()[1] > 0]
-        advised = AdvisedSamples(responses, limits, variables, varied, lots, most_failed)
-        return tolerance_advice(advised, cpks, CAPABLE, rescale)
+        if all(pair == (None, None) for pair in limits_of(plan).values()):
+            raise ReportError("no response has limits; give limits to at least one")
+        found = analysis(store, plan)
+    return ToleranceAdvice(found.kept, found.kept_at, found.advice, found.shortfalls, found.advice_note)
 
 
 def cheapest_tolerances(store: Store, plan: Plan, costs: Costs) -> Allocation:
@@ -423,20 +403,9 @@ def cheapest_from(plan: Plan, columns: SampleColumns, costs: Costs) -> Allocatio
         emulation = None
         if lots_of(plan, columns.number) is None:  # lots share a shift: few, however many samples are emulated
             rows = {name: samples[name] for name in varied(plan.spec)}
-            emulation = EmulatedTolerances(rows, responses, limits, _drawn(plan.spec, spreads))
+            emulation = EmulatedTolerances(rows, responses, limits, spreads.drawn)
         found = allocate(variables, requirements, responses, rescale, correlated, emulation)
         return replace(found, written={name: spreads.written(name, factor) for name, factor in found.factors.items()})
-
-
-def _drawn(spec: CampaignSpec, spreads: Spreads) -> Callable[[Mapping[str, float]], Mapping[str, Array]]:
-    """Return a function of factors on standard deviations, which draws new samples of the variables."""
-
-    def drawn(factors: Mapping[str, float]) -> Mapping[str, Array]:
-        laws = {name: spreads.of_variable(name, factor).law for name, factor in factors.items()}
-        update = {"variables": {**spec.variables, **laws}, "sampler": "sobol", "samples": NEW_SAMPLES}
-        return draw(spec.model_copy(update=update), 0, NEW_SAMPLES)
-
-    return drawn
 
 
 @contextmanager
@@ -456,7 +425,7 @@ def advice_document(plan: Plan, store_url: str, advised: ToleranceAdvice) -> dic
     short = {each.response: each for each in advised.shortfalls}
     return {
         **{"campaign": plan.campaign_id, "store": store_url},
-        **{"advice": [asdict(each) for each in advised.growth], "kept": advised.kept},
+        **{"advice": [asdict(each) for each in advised.growth], "kept": advised.kept, "kept_at": advised.kept_at},
         "below": {name: [asdict(a) for a in each.alone] for name, each in short.items()},
         "together": {name: each.together and asdict(each.together) for name, each in short.items()},
         "remedies": {name: each.text for name, each in short.items()},

@@ -2,14 +2,18 @@
 
 import hashlib
 import json
+import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from functools import cached_property
 from html import escape
+from inspect import Parameter, Signature
+from types import FunctionType
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import tomli_w
 from pydantic import (
+    BaseModel,
     Field,
     PrivateAttr,
     SerializerFunctionWrapHandler,
@@ -77,7 +81,19 @@ AnyJoint = Annotated[
 ]
 
 
-class Mechanism(TableModel):
+class _ShortHelp(type(BaseModel)):  # type: ignore[misc]  # a metaclass that pydantic does not name
+    """Lists what is a mechanism's own, so that ``help()`` is not of pydantic's methods and of types of keys."""
+
+    def __dir__(cls) -> list[str]:
+        return [name for name, of in vars(cls).items() if not name.startswith(("_", "model_")) and isinstance(of, _OWN)]
+
+
+# tomli-w writes each element of an array in a line, also of a point.
+_SHORT_ARRAY = re.compile(r"""\[((?:\n *(?:[-+.\w]+|"[^"\\\n]*"),){1,4})\n *\]""")
+_OWN = (FunctionType, classmethod, staticmethod, property)
+
+
+class Mechanism(TableModel, metaclass=_ShortHelp):
     """A mechanism: its bodies, joints, contacts, loads and responses.
 
     Created by `load_mechanism` from a TOML file, or from its tables as Python data. It is immutable: `set_values`
@@ -172,7 +188,10 @@ class Mechanism(TableModel):
 
     def to_toml(self) -> str:
         """Return the text of the mechanism's file, without the comments of the one it was read from."""
-        return tomli_w.dumps(self.to_dict())
+        dumped = tomli_w.dumps(self.to_dict())
+        return _SHORT_ARRAY.sub(
+            lambda found: f"[{' '.join(line.strip() for line in found[1].splitlines())[1:-1]}]", dumped
+        )
 
     def extended(self, *, without: Collection[str] = (), **tables: Any) -> "Mechanism":
         """Return the mechanism with tables added, replaced or taken away.
@@ -434,6 +453,9 @@ class Mechanism(TableModel):
         """
         data = self.model_dump(mode="json", by_alias=True, exclude={"geometry", "meshes"})
         return hashlib.sha256(json.dumps(data, separators=(",", ":"), ensure_ascii=True).encode()).hexdigest()
+
+
+Mechanism.__signature__ = Signature([Parameter("tables", Parameter.VAR_KEYWORD)])
 
 
 def _refuse_unknown(mechanism: str, kind: str, name: str, known: Iterable[str]) -> None:

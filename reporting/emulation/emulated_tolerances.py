@@ -1,4 +1,4 @@
-"""The responses of a campaign at other tolerances, by emulators of its rows: what an allocation asks.
+"""The responses of a campaign at other tolerances, by emulators of its rows: what advice and allocation ask.
 
 All tolerances are asked at the same random numbers, so that differences between them are those of the tolerances. The
 samples fill the space evenly (Sobol): their mean and variance err far less than the intervals, those of as many random
@@ -7,16 +7,21 @@ samples, allow.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 
 from reporting.arrays import Array
-from reporting.emulation.emulated_what_if import MOST_BEYOND, emulated_answer, fit_to_rows, refuse_beyond, refuse_values
+from reporting.emulation.emulated_what_if import (
+    MOST_BEYOND,
+    beyond,
+    emulated_answer,
+    fit_to_rows,
+    refuse_beyond,
+    refuse_values,
+)
 from reporting.emulation.gaussian_process import Emulator
 from reporting.errors import ReportError
-from reporting.tolerance.allocation import Moments
-from reporting.tolerance.index_curve import beyond
+from reporting.tolerance.index_curve import Moments
 from reporting.tolerance.reweighting import Change
 from reporting.tolerance.whatif import WhatIf, what_if
 
@@ -42,16 +47,20 @@ class EmulatedTolerances:
         drawn: Callable[[Mapping[str, float]], Mapping[str, Array]],
     ) -> None:
         self._rows, self._responses, self._limits, self._drawn = rows, responses, limits, drawn
+        self._fitted = dict[str, Emulator | ReportError]()
 
-    @cached_property
-    def _emulators(self) -> dict[str, Emulator]:
-        found = {}
-        for name, y in self._responses.items():
+    def _emulator(self, name: str) -> Emulator:
+        """Return the emulator of a response, fitted when it is first asked for; ReportError: there is none."""
+        if name not in self._fitted:
+            y = self._responses[name]
             try:
                 refuse_values(y)
-                found[name] = fit_to_rows(y, self._rows)
+                self._fitted[name] = fit_to_rows(y, self._rows)
             except ReportError as error:
-                raise ReportError(f"{name}: {error}") from error
+                self._fitted[name] = ReportError(f"{name}: {error}")
+        found = self._fitted[name]
+        if isinstance(found, ReportError):
+            raise found
         return found
 
     def reach(self, variable: str, factor: float) -> float:
@@ -68,12 +77,15 @@ class EmulatedTolerances:
             low, high = (middle, high) if is_covered(middle) else (low, middle)
         return low
 
-    def moments(self, factors: Mapping[str, float], changed: Sequence[str]) -> dict[str, Moments]:
-        """Return mean and variance of each response, with slopes by the squares of the `changed` factors."""
-        at = self._positions(factors)
+    def moments(
+        self, factors: Mapping[str, float], changed: Sequence[str], responses: Sequence[str] | None = None
+    ) -> dict[str, Moments]:
+        """Return mean and variance of all responses, or some, with slopes by the squares of the `changed` factors."""
+        emulators = {name: self._emulator(name) for name in responses or self._responses}
+        at = self._positions(factors)[: None if changed else _FOR_SLOPES]  # advice asks often: a quarter will do
         stepped = {name: self._positions({**factors, name: _STEP * factors[name]})[:_FOR_SLOPES] for name in changed}
         found = {}
-        for name, emulator in self._emulators.items():
+        for name, emulator in emulators.items():
             y = emulator.mean(at)
             near, slopes = y[:_FOR_SLOPES], dict[str, tuple[float, float]]()
             for variable, x in stepped.items():
@@ -88,12 +100,17 @@ class EmulatedTolerances:
             )
         return found
 
-    def answers(self, factors: Mapping[str, float], why: str) -> dict[str, WhatIf]:
-        """Return each response with intervals that include its emulator's error."""
-        new = self._drawn(factors)
-        refuse_beyond(self._rows, new)
+    def answers(
+        self, factors: Mapping[str, float], why: str, responses: Sequence[str] | None = None
+    ) -> dict[str, WhatIf]:
+        """Return all responses, or some, with intervals that include the emulators' errors.
+
+        ReportError: there is no emulator, or too many new values lie beyond those of the rows.
+        """
+        refuse_beyond(self._rows, self._drawn(factors))
+        emulators = {name: self._emulator(name) for name in responses or self._responses}
         x, found = self._positions(factors), {}
-        for name, emulator in self._emulators.items():
+        for name, emulator in emulators.items():
             y = self._responses[name]
             weighted = replace(what_if(y, Change(np.zeros(y.size)), *self._limits[name]), refusal=why)
             found[name] = emulated_answer(emulator, x, self._limits[name], weighted)

@@ -17,7 +17,6 @@ from reporting.arrays import Array
 from reporting.capability.shares import PPM
 from reporting.emulation.gaussian_process import Emulator, fit_emulator
 from reporting.errors import ReportError
-from reporting.tolerance.index_curve import beyond
 from reporting.tolerance.reweighting import Change, widened
 from reporting.tolerance.whatif import Estimate, WhatIf, what_if
 
@@ -71,6 +70,11 @@ def refuse_beyond(old: Mapping[str, Array], new: Mapping[str, Array]) -> None:
     worst = max(far, key=far.__getitem__)
     if far[worst] > MOST_BEYOND:
         raise ReportError(f"{100 * far[worst]:.3g} % of the new values of {worst} lie beyond those of the rows")
+
+
+def beyond(x: Array, new: Array) -> float:
+    """Return the share of new values beyond the range of those of the rows."""
+    return float(np.mean((new < x.min()) | (new > x.max())))
 
 
 def fit_to_rows(y: Array, old: Mapping[str, Array]) -> Emulator:

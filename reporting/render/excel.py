@@ -204,9 +204,9 @@ def _advice(analysis: Analysis) -> Table:
     """Return the spreads that must shrink for responses below target, then those that may grow for the others."""
     heads = ("question", "variable", "factor on sigma", "low", "high", "at least", "limited by", "Cpk then", "write",
              "method", "why no more")  # fmt: skip
-    asked = [(f"bring {s.response} to Cpk {s.target:g}", a) for s in analysis.shortfalls
+    asked = [(f"bring {s.response} to {s.aim}", a) for s in analysis.shortfalls
              for a in (*s.alone, s.together) if a is not None]  # fmt: skip
-    asked += [(f"keep {', '.join(analysis.kept)} at Cpk {CAPABLE:g}", a) for a in analysis.advice]
+    asked += [(f"keep {', '.join(analysis.kept)} at {analysis.kept_at}", a) for a in analysis.advice]
     rows = [
         (question, a.variable, a.factor, *a.interval, "" if a.bounded else "yes", a.binding or "", a.cpk,
          " ".join(a.settings), a.method, a.refusal or a.limit)

@@ -7,9 +7,14 @@ There are three questions, each on one variable while the others stay as they ar
 2. For the responses at the target: how far may the variable's spread grow while all of them stay there?
 3. What would be the effect of that growth on the responses below the target?
 
-The index at another spread follows from reweighting the campaign's samples, as long as the weights are reliable. Beyond
-that range it follows from a polynomial of the variables, if one explains the responses; otherwise the advice ends
-there. In both cases the joint distribution changes, but the copula of correlated variables stays the same.
+The index at another spread is the one that a what-if gives there: by the weights of the campaign's samples, and where
+these carry no answer by an emulator of the rows, if it predicts well; otherwise the advice ends there. In both cases
+the joint distribution changes, but the copula of correlated variables stays the same.
+
+A response has its target if the index that decides its verdict has. Where that is less than Cpk, as of values with a
+heavy tail, more than the required Cpk is asked for, in the ratio of the two. Where it is more, as of bounded values,
+the response may be capable at a lower Cpk, by the shape of its values; as another spread changes the shape, the advice
+does not promise to keep such a response, but says what becomes of it.
 
 The interval of a factor contains every factor at which the interval of the index contains the target.
 """
@@ -23,10 +28,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from reporting.arrays import Array, random_rows
 from reporting.errors import ReportError
-from reporting.tolerance.index_curve import MOST_FAILED, ROUNDING, IndexCurve, Limits, Question
+from reporting.tolerance.index_curve import MOST_FAILED, ROUNDING, Emulation, Ends, Found, IndexCurve, Limits, Question
 from reporting.tolerance.reweighting import Change, LotLabels
 
-REWEIGHTING, REGRESSION = "reweighting", "regression"
+REWEIGHTING, EMULATION = "reweighting", "emulation"
 MOST_FACTOR, LEAST_FACTOR = 4.0, 0.05
 BY_SAMPLES, BY_BOUNDS, BY_SEARCH = "samples", "bounds", "search"
 _PRECISION = 5e-4  # of a factor
@@ -61,14 +66,41 @@ class Advice:
     reach: float  # farthest factor from 1, above or below, with an answer
     binding: str | None  # the response that limits the factor, or that misses its target; or "runs without a value"
     cpk: float | None  # of that response at the factor
-    method: str  # for the index at the factor: "reweighting" or "regression"
+    method: str  # for the index at the factor: "reweighting" or "emulation"
     effective: float | None  # sample size at the factor; None without reweighting
     refusal: str = ""  # why there is no advice; empty if there is
     limit: str = ""  # what prevents a factor beyond `reach`, if it is the bounds or the mechanism
     settings: tuple[str, ...] = ()  # of the campaign file for the factor, each ``VARIABLE.KEY=VALUE``
     written: tuple[str, ...] = ()  # the same, rounded to the digits of a drawing: to 1 % of the new sigma
-    # Cpk at the factor of responses that already miss their targets, if the factor makes them worse
+    # Cpk at the factor of responses that are below their targets, if the factor makes them worse
     below: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class DecidingIndex:
+    """The index that decides the verdict on a response, with its Cpk."""
+
+    cpk: float | None  # None if undefined
+    value: float | None  # None where Cpk decides; infinite where no share lies out of limits
+    required: float
+
+    @property
+    def reached(self) -> bool:
+        """Whether the index is at least the required one."""
+        found = self.cpk if self.value is None else self.value
+        return found is not None and found >= self.required
+
+    @property
+    def target(self) -> float:
+        """The Cpk to aim at: the required index, or more if the values need more Cpk for it."""
+        if self.cpk is None or self.value is None or not 0 < self.value < self.cpk:
+            return self.required
+        return self.required * self.cpk / self.value
+
+    @property
+    def by_shape(self) -> bool:
+        """Whether the index is reached although Cpk is below its target."""
+        return self.reached and self.cpk is not None and self.cpk < self.target
 
 
 @dataclass(frozen=True)
@@ -77,12 +109,19 @@ class Shortfall:
 
     response: str
     cpk: float  # present
-    target: float  # required
+    target: float  # required of Cpk
+    index: float  # present one that decides the verdict
+    required: float  # of that index
     centred: float | None  # Cpk with the mean in the middle between the limits; None with one limit
     alone: tuple[Advice, ...]  # for each variable, how far its spread must shrink while the others stay
     # common factor by which the spreads of all variables must shrink; None if there is nothing to shrink
     together: Advice | None
     text: str  # recommendation in words
+
+    @property
+    def aim(self) -> str:
+        """The target in words: of Cpk, and of the index that decides where that is another one."""
+        return aim_in_words(self.target, self.required)
 
 
 @dataclass(frozen=True)
@@ -90,6 +129,7 @@ class ToleranceAdvice:
     """Advice on tolerances."""
 
     kept: tuple[str, ...] = ()  # responses at their target, which stay there in spite of the growth
+    kept_at: str = ""  # their target in words
     # for each variable, how far its spread may grow; empty if no response is at its target
     growth: tuple[Advice, ...] = ()
     shortfalls: tuple[Shortfall, ...] = ()  # responses below their target, the worst first
@@ -103,22 +143,22 @@ class AdvisedSamples:
     # all independently drawn samples, including failed ones, shape (n,); NaN without a value
     responses: Mapping[str, ArrayLike]
     limits: Limits
-    columns: Mapping[str, Array]  # values of the variables, shape (n,)
     varied: Sequence[str]  # variables whose spread may change
     lots: LotLabels | None = None
     most_failed: float = MOST_FAILED  # share of runs without a value above which there is no verdict, and no advice
+    emulation: Emulation | None = None  # of all responses and varying variables; None where it does not apply
 
 
 def tolerance_advice(
-    samples: AdvisedSamples, cpks: Mapping[str, float | None], target: float, rescale: Rescale, confidence: float = 0.95
+    samples: AdvisedSamples, indices: Mapping[str, DecidingIndex], rescale: Rescale, confidence: float = 0.95
 ) -> ToleranceAdvice:
     """Return the advice on tolerances from the samples.
 
-    `cpks` are those of the responses with limits, over the samples with a value; None if undefined. Every response must
-    have the Cpk `target`. `rescale` (factors by variable, rows) gives the change of the density at the rows if the
-    standard deviations of some variables are multiplied by factors.
+    `indices` are those of the responses with limits, over the samples with a value. `rescale` (factors by variable,
+    rows) gives the change of the density at the rows if the standard deviations of some variables are multiplied by
+    factors.
     """
-    known = {name: cpk for name, cpk in cpks.items() if cpk is not None}
+    known = {name: index for name, index in indices.items() if index.cpk is not None}
     if not known:
         return ToleranceAdvice(note="No advice: no response has limits and values that vary.")
     if not samples.varied:
@@ -127,13 +167,15 @@ def tolerance_advice(
     failed = max(float(np.mean(~np.isfinite(y))) for y in values.values())
     if failed > samples.most_failed + ROUNDING:
         return ToleranceAdvice(note=_too_many_failed(failed, samples.most_failed))
-    below = sorted((name for name, cpk in known.items() if cpk < target), key=lambda name: known[name])
-    kept = tuple(name for name in known if name not in below)
+    cpks, targets = ({name: getattr(index, key) for name, index in known.items()} for key in ("cpk", "target"))
+    below = sorted((name for name in known if not known[name].reached), key=lambda name: cpks[name] / targets[name])
+    shaped = [name for name in known if known[name].by_shape]
+    kept = tuple(name for name in known if name not in (*below, *shaped))
     rows = random_rows(next(iter(values.values())).size)[:ADVISED_ROWS]
 
     def question(names: Sequence[str]) -> Question:
         of = {name: values[name] for name in names}
-        return asked(of, samples.limits, dict.fromkeys(of, target), samples.columns, rows, confidence, samples.lots)
+        return asked(of, samples.limits, targets, rows, confidence, samples.lots, samples.emulation)
 
     # Variables whose spread can shrink as far as the search goes; one row is enough to ask.
     free = [v for v in samples.varied if rescale({v: LEAST_FACTOR}, rows[:1]).spread in (None, LEAST_FACTOR)]
@@ -141,56 +183,60 @@ def tolerance_advice(
     alone: dict[str, list[Advice]] = {name: [] for name in below}
     growth: list[Advice] = []
     questions = {name: question([name]) for name in below}
-    of_kept, of_missed = (question(names) if names else None for names in (kept, below))
+    of_kept, of_missed = (question(names) if names else None for names in (kept, [*below, *shaped]))
     for variable in [*samples.varied, *together]:  # the changes of one variable are used for all questions
         names = free if variable == ALL_TOGETHER else [variable]
         change = lru_cache(_KEPT_CHANGES)(partial(_scaled, rescale, tuple(names), rows))
         for name, asked_of in questions.items():
-            alone[name].append(advise_one(variable, asked_of, change))
+            alone[name].append(advise_one(variable, asked_of, change, names))
         if of_kept is not None and variable != ALL_TOGETHER:
-            found = advise_one(variable, of_kept, change)
-            growth.append(
-                found if of_missed is None else replace(found, below=_losses(found, of_missed, change, known))
-            )
+            found = advise_one(variable, of_kept, change, names)
+            growth.append(found if of_missed is None else replace(found, below=_losses(found, of_missed, change, cpks)))
     shortfalls = []
     for name, found_of in alone.items():
         single, all_of = tuple(found_of[: len(samples.varied)]), next(iter(found_of[len(samples.varied) :]), None)
         centred = _centred(values[name], *samples.limits[name])
-        text = _remedy(name, values[name], samples.limits[name], (known[name], target, centred), single, all_of)
-        shortfalls.append(Shortfall(name, known[name], target, centred, single, all_of, text))
-    return ToleranceAdvice(kept, tuple(growth), tuple(shortfalls))
+        text = _remedy(name, values[name], samples.limits[name], (known[name], centred), single, all_of)
+        index = cpks[name] if known[name].value is None else float(known[name].value or 0.0)
+        shortfalls.append(
+            Shortfall(name, cpks[name], targets[name], index, known[name].required, centred, single, all_of, text)
+        )
+    aims = dict.fromkeys(aim_in_words(known[name].target, known[name].required) for name in kept)
+    return ToleranceAdvice(
+        kept, next(iter(aims)) if len(aims) == 1 else "their targets", tuple(growth), tuple(shortfalls)
+    )
 
 
 def advise(
     responses: Mapping[str, ArrayLike],
     limits: Mapping[str, tuple[float | None, float | None]],
     targets: Mapping[str, float],
-    columns: Mapping[str, ArrayLike],
     variables: Sequence[str],
     widen: Widen,
     confidence: float = 0.95,
     lots: LotLabels | None = None,
+    emulation: Emulation | None = None,
 ) -> tuple[Advice, ...]:
     """Return the advice on the spread of each variable; raise ReportError if no response has both limits and a target.
 
-    All columns have the shape (n,); responses are NaN where there is no value, and those without limits are ignored.
+    Responses have the shape (n,), NaN where there is no value; those without limits are ignored.
     `widen` (variable, factor, rows) gives the change of the density at the rows if the standard deviation of the
     variable is multiplied by the factor. If its bounds do not allow the factor, `Change.spread` is the largest that
     they allow.
     """
     rows = random_rows(np.size(next(iter(responses.values()), np.zeros(0))))[:ADVISED_ROWS]
-    question = asked(responses, limits, targets, columns, rows, confidence, lots)
-    return tuple(advise_one(variable, question, lambda f, v=variable: widen(v, f, rows)) for variable in variables)  # type: ignore[misc]
+    question = asked(responses, limits, targets, rows, confidence, lots, emulation)
+    return tuple(advise_one(v, question, lambda f, v=v: widen(v, f, rows), [v]) for v in variables)  # type: ignore[misc]
 
 
 def asked(
     responses: Mapping[str, ArrayLike],
     limits: Mapping[str, tuple[float | None, float | None]],
     targets: Mapping[str, float],
-    columns: Mapping[str, ArrayLike],
     rows: Rows,
     confidence: float,
     lots: LotLabels | None,
+    emulation: Emulation | None = None,
 ) -> Question:
     """Return the question of an advice: responses with limits, a target and varying values; ReportError without one."""
     limited = {
@@ -203,26 +249,35 @@ def asked(
         raise ReportError(
             "advice: no response has limits, a target Cpk and values that vary; give limits to at least one"
         )
-    inputs = {name: np.asarray(x, np.float64)[rows] for name, x in columns.items()}
     return Question(
         responses=varying,
         limits=limits,
         targets=targets,
-        columns={name: x for name, x in inputs.items() if np.ptp(x) > 0},
         confidence=confidence,
         lots=None if lots is None else lots[rows],
+        emulation=emulation,
     )
 
 
-def advise_one(variable: str, question: Question, widen: Callable[[float], Change]) -> Advice:
-    """Return the factor by reweighting, or by regression if the samples cannot be reweighted far enough."""
-    # `variable` may be a name for several variables that change together.
+def advise_one(variable: str, question: Question, widen: Callable[[float], Change], names: Sequence[str]) -> Advice:
+    """Return the factor on the spreads of `names`, which are `variable` or all that change together under this name."""
     changed = cache(widen)
     most, least = _end(changed(MOST_FACTOR), MOST_FACTOR), _end(changed(LEAST_FACTOR), LEAST_FACTOR)
     limit = changed(MOST_FACTOR).limit
     if most == least == 1:
-        return _refused(variable, REWEIGHTING, limit)
-    found = _by_samples(variable, question, changed, (least, most))
+        return _refused(variable, limit)
+
+    @cache
+    def at(factor: float) -> Found:
+        return question.at(changed(factor), dict.fromkeys(names, factor))
+
+    def read(errors: Mapping[str, Ends]) -> Advice:
+        curve = IndexCurve(cache(lambda factor: question.margin(at(factor), errors)), least, most)
+        return _read(variable, curve, most, BY_BOUNDS if most < MOST_FACTOR else BY_SEARCH)
+
+    found = read({})
+    if found.method == EMULATION and found.factor is not None:
+        found = read(question.emulator_errors(dict.fromkeys(names, found.factor)))
     if found.ended_by == BY_BOUNDS or (found.ended_by and most == 1):
         found = replace(found, ended_by=BY_BOUNDS, limit=limit or "the variable's bounds allow no more")
     if found.factor in (None, 1.0):
@@ -231,26 +286,10 @@ def advise_one(variable: str, question: Question, widen: Callable[[float], Chang
     return replace(found, settings=change.settings, written=change.written)
 
 
-def _by_samples(
-    variable: str, question: Question, changed: Callable[[float], Change], ends: tuple[float, float]
-) -> Advice:
-    """Return the factor between the given ends, by reweighting, or by regression beyond the reach of reweighting."""
-    ended = BY_BOUNDS if ends[1] < MOST_FACTOR else BY_SEARCH
-    reweighted = IndexCurve(cache(lambda f: question.reweighted(changed(f))), *ends)
-    weighted = _read(variable, reweighted, REWEIGHTING, ends[1], ended)
-    if weighted.factor is not None and (weighted.bounded or weighted.ended_by != BY_SAMPLES):
-        return weighted
-    curve = IndexCurve(cache(lambda f: question.modelled(variable, changed(f), f)), *ends)
-    modelled = _read(variable, curve, REGRESSION, ends[1], ended)
-    if modelled.refusal or (not weighted.refusal and not _farther(modelled, weighted, reweighted)):
-        return weighted
-    return modelled
-
-
-def _read(variable: str, curve: IndexCurve, method: str, most: float, ended: str) -> Advice:
+def _read(variable: str, curve: IndexCurve, most: float, ended: str) -> Advice:
     """Return the advice that follows from a curve."""
     if curve.refusal:
-        return _refused(variable, method, curve.refusal)
+        return _refused(variable, curve.refusal)
     keeps = curve.now.value >= 0
     reach = curve.ends[1] if keeps else curve.ends[0]
     low, value, high = (curve.crossing(level) for level in ("low", "value", "high"))
@@ -258,7 +297,7 @@ def _read(variable: str, curve: IndexCurve, method: str, most: float, ended: str
         low = reach if curve.now.low >= 0 else curve.ends[0]
     bounded = value is not None or not keeps
     if value is not None:
-        value *= 1 - _PRECISION  # to be on the safe side of the crossing
+        value = max(value * (1 - _PRECISION), 1.0 if keeps else 0.0)  # on the safe side of the crossing
     elif keeps:
         value = max(low, 1.0)
     margin = curve.at(reach if value is None else value)
@@ -272,22 +311,10 @@ def _read(variable: str, curve: IndexCurve, method: str, most: float, ended: str
         reach=reach,
         binding=margin.response,
         cpk=margin.cpk,
-        method=method,
+        method=REWEIGHTING if margin.effective is not None else EMULATION,
         effective=margin.effective,
         limit=_undecided(margin.response, reach) if undecided else "",
     )
-
-
-def _farther(modelled: Advice, weighted: Advice, reweighted: IndexCurve) -> bool:
-    """Return whether regression reaches farther than the weights and does not contradict them within their reach."""
-    if weighted.factor is None:
-        return modelled.reach < weighted.reach and (modelled.factor is None or modelled.factor <= weighted.reach)
-    if modelled.factor is None:
-        return False
-    if not modelled.bounded:
-        return modelled.factor > weighted.factor
-    # within their reach the weights must confirm the factor: their interval of the index contains the target
-    return modelled.factor >= weighted.reach or reweighted.at(modelled.factor).low < 0
 
 
 def _end(change: Change, asked: float) -> float:
@@ -302,9 +329,14 @@ def _undecided(response: str, reach: float) -> str:
     return f"{words}; by the estimate alone all targets hold up to {reach:.3g}" if reach > 1 else words
 
 
-def _refused(variable: str, method: str, refusal: str) -> Advice:
+def _refused(variable: str, refusal: str) -> Advice:
     """Return an advice without a factor, with the reason."""
-    return Advice(variable, None, (None, None), True, "", 1.0, None, None, method, None, refusal)
+    return Advice(variable, None, (None, None), True, "", 1.0, None, None, REWEIGHTING, None, refusal)
+
+
+def aim_in_words(target: float, required: float) -> str:
+    """Return a target of Cpk in words, with the required index that it stands for where that is another one."""
+    return f"Cpk {required:.2f}" if target == required else f"Cpk {target:.2f} (index {required:.2f})"
 
 
 def _scaled(rescale: Rescale, names: Sequence[str], rows: Rows, factor: float) -> Change:
@@ -320,21 +352,31 @@ def _too_many_failed(failed: float, most: float) -> str:
     )
 
 
+def _of_shape(names: Sequence[str]) -> str:
+    """Return what the advice does with responses that are capable by the shape of their values alone."""
+    if not names:
+        return ""
+    return (
+        f"{', '.join(names)}: capable at a lower Cpk, by the shape of the values. Another spread may change that"
+        " shape, so the factors do not keep it for sure."
+    )
+
+
 def _losses(
     advice: Advice, missed: Question, change: Callable[[float], Change], now: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return the Cpk of responses that already miss their targets and become worse by a growth."""
+    """Return the Cpk of responses that the advice does not keep and that become worse by a growth."""
     if advice.factor is None or advice.factor <= 1:
         return {}
     changed = change(advice.factor)
     if advice.method == REWEIGHTING:
         found = missed.weighted(changed)
-        indices = found if isinstance(found, str) else found[0]
+        indices = found if isinstance(found, str) else {name: cpk for name, (_, cpk, _) in found[0].items()}
     else:
-        indices = missed.moved(advice.variable, changed, advice.factor)
+        indices = missed.emulated({advice.variable: advice.factor})
     if isinstance(indices, str):
         return {}
-    return {name: cpk for name, (_, cpk, _) in indices.items() if cpk < now[name] - _SAME_INDEX}
+    return {name: cpk for name, cpk in indices.items() if cpk < now[name] - _SAME_INDEX}
 
 
 def _centred(y: Array, lsl: float | None, usl: float | None) -> float | None:
@@ -354,13 +396,17 @@ def _remedy(
     name: str,
     y: Array,
     limits: tuple[float | None, float | None],
-    indices: tuple[float, float, float | None],
+    indices: tuple[DecidingIndex, float | None],
     alone: Sequence[Advice],
     together: Advice | None,
 ) -> str:
     """Return a recommendation for a response below its target, in words."""
-    cpk, target, centred = indices
+    index, centred = indices
+    cpk, target = index.cpk or 0.0, index.target
     words = [f"{name} has Cpk {cpk:.4g}, below {target:g}."]
+    if index.value is not None and index.value != cpk:
+        words = [f"{name} has index {index.value:.4g}, below {index.required:g}, at Cpk {cpk:.4g}."]
+        words += [f"Values of this shape need Cpk {target:.4g}."] if target != index.required else []
     lsl, usl = limits
     if cpk < 0:
         words.append("Its mean lies beyond a limit: no smaller tolerance helps.")

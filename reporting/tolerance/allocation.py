@@ -16,7 +16,6 @@ much.
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,9 +24,10 @@ from reporting.arrays import Array, random_rows
 from reporting.capability.indices import distance_to_limit
 from reporting.capability.intervals import Interval
 from reporting.errors import ReportError
-from reporting.tolerance.advice import REWEIGHTING, Rows
+from reporting.tolerance.advice import EMULATION, REWEIGHTING, Rows
 from reporting.tolerance.cost_laws import CostLaw, Process, ProcessTable
 from reporting.tolerance.cost_optimum import Optimum, Programme, cheapest_choice
+from reporting.tolerance.index_curve import Emulation, Moments
 from reporting.tolerance.reweighting import Change
 from reporting.tolerance.whatif import WhatIf, runs_for, what_if_all
 
@@ -38,7 +38,6 @@ _NO_INTERVAL = (
     "Variance contributions give no interval of Cpk, and interactions or a bent response may make it far lower: "
     "confirm the proposal by a campaign before you use it."
 )
-EMULATION = "emulation"
 _CORRECTIONS = 12
 _UNDAMPED = 6  # corrections by an emulator; later ones go half the way, so that they cannot alternate
 _NOT_CONVERGED = "The corrections did not converge: confirm the proposal by a campaign before you use it."
@@ -104,30 +103,6 @@ class Requirement:
         """Return the variance with the tolerances multiplied by `factors`."""
         grown = sum(share * (factors.get(name, 1.0) ** 2 - 1) for name, share in self.shares.items())
         return self.std**2 * (1 + grown) + self.added
-
-
-@dataclass(frozen=True)
-class Moments:
-    """A response at some tolerances, and how it changes with them."""
-
-    mean: float
-    variance: float
-    # by variable, per unit of the square of the factor on its tolerance
-    mean_slope: Mapping[str, float]
-    variance_slope: Mapping[str, float]
-
-
-class Emulation(Protocol):
-    """The responses at tolerances multiplied by factors, by emulators of the rows; ReportError: why they give none."""
-
-    def reach(self, variable: str, factor: float) -> float:
-        """Return the largest factor, from 1 up to the given one, at which the rows still cover the variable."""
-
-    def moments(self, factors: Mapping[str, float], changed: Sequence[str]) -> Mapping[str, Moments]:
-        """Return each response, with slopes by the `changed` variables."""
-
-    def answers(self, factors: Mapping[str, float], why: str) -> Mapping[str, WhatIf]:
-        """Return each response with its intervals; `why` the weights of the rows give none."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ of Hall (1992).
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -136,9 +135,6 @@ class Change:
     log_ratio: ArrayLike
     outside: float = 0.0  # probability of new values outside the range of the old distribution
     spread: float | None = None  # ratio of the new to the old sigma of the changed variable; for advice
-    # Values of the changed variable at the same ranks under the new distribution, shape (n,), if it has a density; by
-    # name for several changed variables.
-    moved: ArrayLike | Mapping[str, ArrayLike] | None = None
     limit: str = ""  # why `spread` is closer to 1 than requested; empty if it is as requested
     settings: tuple[str, ...] = ()  # of the campaign file for this change, each ``VARIABLE.KEY=VALUE``
     written: tuple[str, ...] = ()  # the same, rounded to the digits of a drawing
@@ -148,12 +144,6 @@ class Change:
     # What the new distributions themselves may be off by, shape (n, k): see `EstimatedDistribution`; None if they are
     # exact.
     doubt: Array | None = None
-
-    def moved_to(self, variable: str) -> Mapping[str, ArrayLike]:
-        """Return the new values by variable; `variable` is the changed one if there is only one."""
-        if self.moved is None:
-            return {}
-        return self.moved if isinstance(self.moved, Mapping) else {variable: self.moved}
 
 
 @dataclass(frozen=True)

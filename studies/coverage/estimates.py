@@ -355,20 +355,30 @@ def advice(production: Production, n: int, rng: np.random.Generator) -> Iterator
     def widen(_: str, factor: float, rows: Rows) -> Change:
         return _change(x[rows, 0], factor)
 
+    y, lots = production.values(x), production.lot_of(n)
     (found,) = advise(
-        {RESPONSE: production.values(x)},
+        {RESPONSE: y},
         {RESPONSE: limits},
         {RESPONSE: TARGET},
-        dict(zip(VARIABLES, x.T, strict=True)),
         VARIABLES[:1],
         widen,
         CONFIDENCE,
-        production.lot_of(n),
+        lots,
+        _emulation(x, y, limits) if lots is None else None,
     )
     low, high = found.interval
     given = found.factor is not None and not found.refusal
     interval = (low if low is not None else 0.0, high if high is not None else np.inf)
     yield Statement("advice: factor", interval if given else None, largest_factor(production.shape))
+
+
+def _emulation(x: Array, y: Array, limits: tuple[float, float]) -> EmulatedTolerances:
+    """Return the emulator of the response of rows (n, k), at normal variables with factors on their sigmas."""
+
+    def drawn(factors: Mapping[str, float]) -> Mapping[str, Array]:
+        return {name: z * factors.get(name, 1.0) for name, z in zip(VARIABLES, _new_scores().T, strict=True)}
+
+    return EmulatedTolerances(dict(zip(VARIABLES, x.T, strict=True)), {RESPONSE: y}, {RESPONSE: limits}, drawn)
 
 
 def allocations(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
@@ -383,13 +393,8 @@ def allocations(production: Production, n: int, rng: np.random.Generator) -> Ite
     def rescale(factors: Mapping[str, float], rows: Rows) -> Change:
         return _change(x[rows, 0], factors[VARIABLES[0]])
 
-    def drawn(factors: Mapping[str, float]) -> Mapping[str, Array]:
-        return {name: z * factors.get(name, 1.0) for name, z in zip(VARIABLES, _new_scores().T, strict=True)}
-
-    rows = dict(zip(VARIABLES, x.T, strict=True))
-    emulation = EmulatedTolerances(rows, {RESPONSE: y}, {RESPONSE: limits}, drawn)
     costed = CostedVariable(VARIABLES[0], 1.0, PowerLaw(0.0, 1.0), 0.1, 10.0)
-    found = allocate([costed], [wanted], {RESPONSE: y}, rescale, emulation=emulation)
+    found = allocate([costed], [wanted], {RESPONSE: y}, rescale, emulation=_emulation(x, y, limits))
     if not found.responses:
         yield Statement("allocation: Cpk", None, 0.0)
         return

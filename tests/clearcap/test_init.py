@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import os
 import pydoc
 import subprocess
 import sys
@@ -116,6 +117,18 @@ def test_an_unknown_name_is_refused():
     """The message lists what there is."""
     with pytest.raises(AttributeError, match=r"'simulat'.*\bsimulate"):
         _ = clearcap.simulat
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("script", ["campaign", "engine"])
+def test_a_script_of_a_package_s_name_is_told_so(tmp_path, script):
+    """It hides the package of the same name: the message names the file, and what to do."""
+    (tmp_path / f"{script}.py").write_text("import clearcap\nclearcap.load_campaign('c60')\n")
+    environment = {**os.environ, "PYTHONPATH": str(Path(clearcap.__file__).parents[1])}
+    command = [sys.executable, f"{script}.py"]
+    told = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert told.returncode == 1
+    assert told.stderr.splitlines()[-1].endswith(f"hides clearcap's package {script}; rename this file or folder")
 
 
 @pytest.mark.processes

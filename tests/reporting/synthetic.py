@@ -7,7 +7,7 @@ import pyarrow as pa
 
 from campaign.inputs.sampling import sampler_named
 from reporting import Design, ReportSpec, ResponseSpec, VariableSpec
-from reporting.analysis import Analysis, Rescale, analyse
+from reporting.analysis import Analysis, OtherSpreads, analyse
 from reporting.samples import Repeats, read_samples
 
 if TYPE_CHECKING:
@@ -85,12 +85,12 @@ def c60_table(n: int, failures: int = 0, seed: int = 7) -> pa.Table:
 def analysis_of(
     rows: "Rows",
     spec: ReportSpec,
-    rescale: Rescale | None = None,
+    spreads: OtherSpreads | None = None,
     against: "tuple[Rows, ReportSpec] | None" = None,
     repeats: Repeats | None = None,
 ) -> Analysis:
     """Return the analysis of a table of samples."""
-    return analyse(read_samples(rows, spec), spec, rescale, against, repeats)
+    return analyse(read_samples(rows, spec), spec, spreads, against, repeats)
 
 
 def repeats_of(table: pa.Table, every: int, scatter: dict[str, float], seed: int = 5) -> Repeats:

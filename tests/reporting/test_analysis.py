@@ -7,7 +7,9 @@ import pyarrow as pa
 import pytest
 
 from reporting import ReportError
+from reporting.analysis import OtherSpreads
 from reporting.distributions.families import FAMILIES
+from reporting.key_findings import key_findings
 from reporting.samples import STATUSES
 from reporting.tolerance.reweighting import Change
 from tests.each import each
@@ -268,8 +270,8 @@ def test_a_spec_that_makes_no_sense_is_one_clear_error(campaign) -> None:
         analysis_of(table.slice(0, 0), replace(spec, requested=0))
 
 
-def test_advice_by_cpk_is_not_for_a_response_that_is_worse_than_its_cpk(campaign) -> None:
-    """Heavy tails: Cpk 1.4, but a worse verdict; the advice names such a response and says not to use it."""
+def test_advice_asks_more_cpk_of_values_that_need_it(campaign) -> None:
+    """Heavy tails: Cpk 1.4, but a worse verdict; the advice names what must shrink, for a larger Cpk."""
     table, spec = campaign(1500)
     spec = replace(spec, responses=spec.responses[1:2], variables=spec.variables[:1])
     heavy = np.random.default_rng(3).standard_t(3, 1500)
@@ -278,12 +280,14 @@ def test_advice_by_cpk_is_not_for_a_response_that_is_worse_than_its_cpk(campaign
     def flat(factors, columns) -> Change:
         return Change(0.0 * columns["J1"], 0.0, factors["J1"])
 
-    analysis = analysis_of(table, spec, flat)
+    analysis = analysis_of(table, spec, OtherSpreads(flat))
     fc2 = next(r for r in analysis.responses if r.spec.name == "FC-2")
-    assert fc2.capability.cpk > 1.33
+    assert fc2.capability.cpk > 1.33 > fc2.index
     assert fc2.verdict.word in ("marginal", "not capable")
-    assert "FC-2" in analysis.kept
-    assert analysis.advice_note.startswith("FC-2: Cpk reaches its target, but the verdict is worse")
+    assert (analysis.kept, analysis.advice) == ((), ())
+    (short,) = analysis.shortfalls
+    assert (short.response, short.index, short.target) == ("FC-2", fc2.index, 1.33 * short.cpk / fc2.index)
+    assert f"to Cpk {short.target:.2f} (index 1.33)" in key_findings(analysis)[-2].text
 
 
 def test_what_chance_makes_look_not_normal_keeps_the_verdict_of_cpk() -> None:

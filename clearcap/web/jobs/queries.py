@@ -25,7 +25,7 @@ from campaign.store.layout import MANIFEST, PLAN, STOPPED
 from clearcap.questions.samples import list_samples, sample_cloud
 from clearcap.questions.tolerances import (
     advice_document,
-    advice_from,
+    advice_of,
     allocation_document,
     cheapest_from,
     read_cost_text,
@@ -99,8 +99,9 @@ def histograms_answer(rows: AskedRows, settings: Sequence[str], preview: bool) -
 
 def advice_answer(rows: AskedRows) -> dict[str, Any]:
     """Return the document of ``clearcap advise --json``."""
-    url, plan, columns = _opened(rows)
-    return advice_document(plan, url, advice_from(plan, columns))
+    store = open_store(rows.store, QUICK)
+    plan = store.plan(rows.campaign)
+    return advice_document(plan, store.url, advice_of(store, plan))
 
 
 def allocation_answer(rows: AskedRows, costs: str) -> dict[str, Any]:

@@ -78,6 +78,7 @@ def test_there_and_back(name):
     assert again.formulas == shipped.formulas
     assert len(repr(shipped)) < 200 > len(str(shipped))
     assert shipped.name in repr(shipped)
+    assert "[\n    0" not in shipped.to_toml()  # an array of numbers is a line
 
 
 def test_extended_adds_replaces_and_takes_away():

@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from reporting import Assumption, ReportError, write, write_report
+from reporting.analysis import OtherSpreads
 from reporting.render.data_files import capability_table, document, report_schema
 from reporting.render.html import render_html
 from reporting.shape.nonnormal import NonnormalIndices
@@ -27,7 +28,7 @@ def fullest_analysis():
         (name, factor), *_ = factors.items()
         return Change(0.0 * columns[name], 0.0, factor)
 
-    return analysis_of(c60_table(400, 9), c60_spec(400), flat, (c60_table(300, seed=1), c60_spec(300)))
+    return analysis_of(c60_table(400, 9), c60_spec(400), OtherSpreads(flat), (c60_table(300, seed=1), c60_spec(300)))
 
 
 def odd_analyses():

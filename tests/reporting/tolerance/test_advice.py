@@ -4,20 +4,24 @@ import math
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.optimize import brentq
 
 from reporting import ReportError, capability
+from reporting.emulation.emulated_tolerances import EmulatedTolerances
 from reporting.tolerance.advice import (
     BY_BOUNDS,
     BY_SAMPLES,
+    EMULATION,
     LEAST_FACTOR,
-    REGRESSION,
     REWEIGHTING,
     AdvisedSamples,
+    DecidingIndex,
     advise,
     tolerance_advice,
 )
 from reporting.tolerance.reweighting import Change
+from reporting.tolerance.whatif import what_if
 
 RNG = np.random.default_rng(41)
 N = 40_000
@@ -26,7 +30,6 @@ Z = RNG.normal(size=(N, 3))
 Y = Z @ A
 SIGMA = math.sqrt(np.sum(A**2))
 SHARES = {f"J{i + 1}": a**2 / SIGMA**2 for i, a in enumerate(A)}
-COLUMNS = {f"J{i + 1}": Z[:, i] for i in range(3)}
 
 
 def widening(z, scores=None):
@@ -38,15 +41,30 @@ def widening(z, scores=None):
         new = old.copy()
         new[:, i] /= factor
         before, after = (np.einsum("ij,jk,ik->i", x, excess, x) for x in (old, new))
-        return Change((before - after) / 2 - math.log(factor), spread=factor, moved=factor * old[:, i])
+        return Change((before - after) / 2 - math.log(factor), spread=factor)
 
     return widen
+
+
+FRESH = stats.norm.ppf(stats.qmc.Sobol(3, rng=8).random(8192))
+
+
+def emulators(z, y, limits, mixed=None):
+    """Return the emulator of a response by rows of normal variables; `mixed` makes them correlated."""
+
+    def drawn(factors):
+        fresh = FRESH if mixed is None else FRESH @ mixed
+        return {f"J{i + 1}": fresh[:, i] * factors.get(f"J{i + 1}", 1.0) for i in range(3)}
+
+    return EmulatedTolerances({f"J{i + 1}": z[:, i] for i in range(3)}, {"y": y}, {"y": limits}, drawn)
 
 
 def ask(cpk_now, target, change=None, variables=("J1", "J2", "J3")):
     """Return the advice on a response with limits that give it an index now."""
     limit = 3 * cpk_now * SIGMA
-    return advise({"y": Y}, {"y": (-limit, limit)}, {"y": target}, COLUMNS, variables, change or widening(Z))
+    emulation = emulators(Z, Y, (-limit, limit))
+    limits = {"y": (-limit, limit)}
+    return advise({"y": Y}, limits, {"y": target}, variables, change or widening(Z), emulation=emulation)
 
 
 def exact(variable, cpk_now, target):
@@ -71,11 +89,11 @@ def test_a_weighted_sum_in_closed_form():
     assert first.cpk == pytest.approx(1.33, abs=2e-3)
 
 
-def test_beyond_the_reach_of_weights_a_polynomial_moves_the_samples():
-    """J1 to 1.4 with few values beyond those of the campaign; J2 to 2.5 would be extrapolation and is not answered."""
-    (advice,) = ask(1.75, 1.33, variables=("J1",))
-    assert (advice.method, advice.effective) == (REGRESSION, None)
-    assert advice.interval[0] <= exact("J1", 1.75, 1.33) <= advice.interval[1]
+def test_beyond_the_reach_of_weights_an_emulator_answers():
+    """J1 to 1.6 with few values beyond those of the campaign; J2 to 2.5 would be extrapolation and is not answered."""
+    (advice,) = ask(2.0, 1.33, variables=("J1",))
+    assert (advice.method, advice.effective) == (EMULATION, None)
+    assert advice.interval[0] <= exact("J1", 2.0, 1.33) <= advice.interval[1]
     (far,) = ask(1.9, 1.33, variables=("J2",))
     assert not far.bounded
     assert far.ended_by == BY_SAMPLES
@@ -83,12 +101,13 @@ def test_beyond_the_reach_of_weights_a_polynomial_moves_the_samples():
     assert 1 < far.factor <= far.reach < exact("J2", 1.9, 1.33)
 
 
-def test_what_no_polynomial_explains_ends_where_the_samples_do():
+def test_what_no_emulator_explains_ends_where_the_samples_do():
     """A response of noise and jumps: no factor is made up beyond the weights, and nothing jumps there."""
     jumps = np.sign(Z[:, 0]) + (Z[:, 1] > 1) + RNG.normal(size=N) / 2
     limit = 3 * 1.6 * jumps.std()
     limits = {"y": (jumps.mean() - limit, jumps.mean() + limit)}
-    (advice,) = advise({"y": jumps}, limits, {"y": 1.33}, COLUMNS, ["J2"], widening(Z))
+    emulation = emulators(Z, jumps, limits["y"])
+    (advice,) = advise({"y": jumps}, limits, {"y": 1.33}, ["J2"], widening(Z), emulation=emulation)
     assert (advice.bounded, advice.ended_by, advice.method) == (False, BY_SAMPLES, REWEIGHTING)
     y = np.sign(Z[:, 0]) + (advice.factor * Z[:, 1] > 1) + RNG.normal(size=N) / 2
     assert capability(y, *limits["y"]).cpk > 1.33
@@ -114,12 +133,13 @@ def test_correlated_variables_change_together(rho):
     The share of the variance that J1 explains says nothing here: with correlation -0.9 it would allow thrice its sigma.
     """
     scores = np.array([[1, rho, 0], [rho, 1, 0], [0, 0, 1.0]])
-    z = np.random.default_rng(5).normal(size=(5000, 3)) @ np.linalg.cholesky(scores).T
+    mixed = np.linalg.cholesky(scores).T
+    z = np.random.default_rng(5).normal(size=(5000, 3)) @ mixed
     weight = np.array([1, 1, 0.3])
     sigma = math.sqrt(weight @ scores @ weight)
     limits = {"y": (-3 * 1.5 * sigma, 3 * 1.5 * sigma)}
-    columns = {f"J{i + 1}": z[:, i] for i in range(3)}
-    (advice,) = advise({"y": z @ weight}, limits, {"y": 1.33}, columns, ["J1"], widening(z, scores))
+    emulation = emulators(z, z @ weight, limits["y"], mixed)
+    (advice,) = advise({"y": z @ weight}, limits, {"y": 1.33}, ["J1"], widening(z, scores), emulation=emulation)
 
     def cpk(factor):
         scaled = weight * [factor, 1, 1]
@@ -154,17 +174,18 @@ def test_the_tightest_response_binds():
     responses = {"wide": Y, "narrow": Y, "flat": np.ones(N), "free": Y, "holes": np.where(Y > 3, np.nan, Y)}
     limits = {"wide": (-wide, wide), "narrow": (-narrow, narrow), "flat": (0.0, 2.0), "free": (None, None),
               "holes": (-wide, None)}  # fmt: skip
-    (advice,) = advise(responses, limits, dict.fromkeys(responses, 1.33), COLUMNS, ["J1"], widening(Z))
+    (advice,) = advise(responses, limits, dict.fromkeys(responses, 1.33), ["J1"], widening(Z))
     assert advice.binding == "narrow"
     assert advice.factor == pytest.approx(exact("J1", 1.5, 1.33), rel=0.03)
     with pytest.raises(ReportError, match="no response has limits"):
-        advise({"free": Y}, limits, {"free": 1.33}, COLUMNS, ["J1"], widening(Z))
+        advise({"free": Y}, limits, {"free": 1.33}, ["J1"], widening(Z))
 
 
 def test_too_few_samples_give_no_advice():
-    """Forty samples determine neither weights nor a polynomial; the reason is given, and no factor."""
-    columns = {name: x[:40] for name, x in COLUMNS.items()}
-    (advice,) = advise({"y": Y[:40]}, {"y": (-9.0, 9.0)}, {"y": 1.33}, columns, ["J1"], widening(Z[:40]))
+    """Forty samples determine neither weights nor an emulator; the reason is given, and no factor."""
+    emulation = emulators(Z[:40], Y[:40], (-9.0, 9.0))
+    limits = {"y": (-9.0, 9.0)}
+    (advice,) = advise({"y": Y[:40]}, limits, {"y": 1.33}, ["J1"], widening(Z[:40]), emulation=emulation)
     assert (advice.factor, advice.interval) == (None, (None, None))
     assert "worth 40" in advice.refusal
 
@@ -203,8 +224,8 @@ def test_intervals_hold_the_factor_of_fresh_simulation(name, now, n):
     held = 0
     for _ in range(runs):
         z = rng.normal(size=(n, 3)) @ mixed
-        columns = {f"J{i + 1}": z[:, i] for i in range(3)}
-        (advice,) = advise({"y": model(z)}, {"y": (lsl, usl)}, {"y": 1.33}, columns, ["J1"], widening(z, scores))
+        limits, emulation = {"y": (lsl, usl)}, emulators(z, model(z), (lsl, usl), mixed)
+        (advice,) = advise({"y": model(z)}, limits, {"y": 1.33}, ["J1"], widening(z, scores), emulation=emulation)
         low, high = advice.interval
         held += advice.factor is not None and low <= true and (high is None or true <= high)
     assert held / runs >= 0.9 - 2 * math.sqrt(0.9 * 0.1 / runs)
@@ -216,10 +237,9 @@ def test_lots_widen_the_interval_and_few_give_none():
     lots = np.repeat(np.arange(40), 50)
     z = (rng.normal(size=(40, 3))[lots] + rng.normal(size=(2000, 3))) / math.sqrt(2)
     y, limit = z @ A, 3 * 1.6 * SIGMA
-    columns = {f"J{i + 1}": z[:, i] for i in range(3)}
 
     def ask_with(lots):
-        return advise({"y": y}, {"y": (-limit, limit)}, {"y": 1.33}, columns, ["J1"], widening(z), lots=lots)[0]
+        return advise({"y": y}, {"y": (-limit, limit)}, {"y": 1.33}, ["J1"], widening(z), lots=lots)[0]
 
     alone, together, few = ask_with(None), ask_with(lots), ask_with(lots // 10)
     assert together.interval[0] < alone.interval[0]
@@ -234,9 +254,8 @@ def test_a_mean_beyond_a_limit_is_told_how_far_to_move(usl):
     y = 20.0 + z[:, 0]
     limits = {"y": (0.0, usl)} if usl else {"y": (24.0, None)}
     found = tolerance_advice(
-        AdvisedSamples({"y": y}, limits, {"J1": z[:, 0]}, ["J1"]),
-        {"y": -1.0},
-        1.33,
+        AdvisedSamples({"y": y}, limits, ["J1"]),
+        {"y": DecidingIndex(-1.0, None, 1.33)},
         lambda factors, rows: widening(z)("J1", factors["J1"], rows),
     )
     text, std = found.shortfalls[0].text, y.std(ddof=1)
@@ -247,3 +266,58 @@ def test_a_mean_beyond_a_limit_is_told_how_far_to_move(usl):
     assert f"Moving the mean by {usl / 2 - y.mean():+.3g}, to the middle of the limits" in text
     assert f"gives Cpk {usl / (6 * std):.4g} with" in text
     assert ("still below 1.33" in text) == (usl / (6 * std) < 1.33)
+
+
+def test_the_index_that_decides_has_the_target():
+    """Not Cpk: a response that is capable by its own shape needs nothing; one that is not needs more than Cpk 1.33."""
+    for index, reached, target, by_shape in (
+        (DecidingIndex(0.86, 2.7, 1.33), True, 1.33, True),  # bounded values, far from their limits
+        (DecidingIndex(1.5, 2.7, 1.33), True, 1.33, False),
+        (DecidingIndex(1.1, math.inf, 1.33), True, 1.33, True),  # no share lies beyond
+        (DecidingIndex(1.25, 0.92, 1.33), False, 1.33 * 1.25 / 0.92, False),  # a heavy tail
+        (DecidingIndex(1.5, 1.4, 1.33), True, 1.33 * 1.5 / 1.4, False),
+        (DecidingIndex(1.5, 1.5, 1.67), False, 1.67, False),
+        (DecidingIndex(1.4, None, 1.33), True, 1.33, False),
+        (DecidingIndex(None, None, 1.33), False, 1.33, False),
+        (DecidingIndex(-0.2, 0.1, 1.33), False, 1.33, False),
+        (DecidingIndex(0.3, -0.1, 1.33), False, 1.33, False),
+    ):
+        assert (index.reached, index.by_shape, index.target) == (reached, by_shape, pytest.approx(target)), index
+    z = Z[:4000]
+    y = z @ A
+    wide, narrow = ((-3 * now * SIGMA, 3 * now * SIGMA) for now in (1.6, 0.9))
+    limits = {"kept": wide, "bounded": narrow, "heavy": narrow}
+    indices = {"kept": DecidingIndex(1.6, 1.5, 1.33), "bounded": DecidingIndex(0.9, 2.7, 1.33)}
+    indices |= {"heavy": DecidingIndex(0.9, 0.8, 1.33)}
+
+    def rescale(factors, rows):
+        ((name, factor),) = factors.items()
+        return widening(z)(name, factor, rows)
+
+    found = tolerance_advice(AdvisedSamples(dict.fromkeys(limits, y), limits, ["J1"]), indices, rescale)
+    assert (found.kept, [short.response for short in found.shortfalls]) == (("kept",), ["heavy"])
+    assert found.kept_at == f"Cpk {1.33 * 1.6 / 1.5:.2f} (index 1.33)"
+    assert found.note.startswith("bounded: capable at a lower Cpk, by the shape of the values")
+    (short,) = found.shortfalls
+    assert (short.index, short.required, short.target) == (0.8, 1.33, pytest.approx(1.33 * 0.9 / 0.8))
+    assert "heavy has index 0.8, below 1.33, at Cpk 0.9. Values of this shape need Cpk 1.496." in short.text
+    (growth,) = found.growth
+    assert (growth.binding, set(growth.below)) == ("kept", {"bounded", "heavy"})
+    assert growth.factor == pytest.approx(exact("J1", 1.6, 1.33 * 1.6 / 1.5), rel=0.05)
+
+
+def test_the_factor_is_the_first_at_which_a_what_if_reaches_the_target():
+    """Where the weights end, the emulator's Cpk jumps: the factor is not one that the weights still deny."""
+    z = np.random.default_rng(4).normal(size=(200, 3))
+    y = z @ A
+    y = (y - y.mean()) * (1.15 * SIGMA / y.std())  # these few samples scatter more than production does
+    limits = (-3 * 1.05 * SIGMA, 3 * 1.05 * SIGMA)
+    emulation = emulators(z, y, limits)
+    change = widening(z)
+    (advice,) = advise({"y": y}, {"y": limits}, {"y": 1.33}, ["J1"], change, emulation=emulation)
+    rows = np.arange(200)
+    assert advice.method == EMULATION
+    inside = what_if(y, change("J1", advice.factor * 1.1, rows), *limits)
+    assert inside.refusal or inside.cpk.value < 1.33
+    assert what_if(y, change("J1", advice.factor, rows), *limits).refusal
+    assert emulation.answers({"J1": advice.factor}, "")["y"].cpk.value == pytest.approx(1.33, rel=0.1)
