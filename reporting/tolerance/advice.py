@@ -202,9 +202,8 @@ def tolerance_advice(
             Shortfall(name, cpks[name], targets[name], index, known[name].required, centred, single, all_of, text)
         )
     aims = dict.fromkeys(aim_in_words(known[name].target, known[name].required) for name in kept)
-    return ToleranceAdvice(
-        kept, next(iter(aims)) if len(aims) == 1 else "their targets", tuple(growth), tuple(shortfalls)
-    )
+    kept_at = next(iter(aims)) if len(aims) == 1 else "their targets"
+    return ToleranceAdvice(kept, kept_at, tuple(growth), tuple(shortfalls), _of_shape(shaped))
 
 
 def advise(

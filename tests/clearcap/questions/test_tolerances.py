@@ -72,7 +72,7 @@ def test_every_cost_law_gets_a_proposal_from_the_command(campaign_file, tmp_path
 def test_a_response_that_is_below_does_not_hide_the_others(campaign_file, tmp_path):
     """What may grow is asked of the capable responses; what must shrink, of each that is not, to lift it to 1.33."""
     path = campaign_file.parent / "narrow.toml"
-    path.write_text(campaign_file.read_text() + "\n[responses.FC-2]\nlsl = 16.99\nusl = 18.79\n")
+    path.write_text(campaign_file.read_text() + '\n[responses.FC-2]\nlsl = 16.99\nusl = 18.79\nindex = "cpk"\n')
     store, plan = computed(tmp_path / "s", load_campaign(str(path), samples=400), 200)
     table = store.table(plan.campaign_id)
     cpk = capability(table["FC-2"].to_numpy(), lsl=16.99, usl=18.79).cpk
