@@ -172,7 +172,7 @@ class Results(Analysed):
         """
         import pandas as pd
 
-        from clearcap.questions.tolerances import advice_of
+        from clearcap.questions.report import advice_of
 
         found, rows = advice_of(self.store, self.plan), []
         advised = [(s.response, (*s.alone, *((s.together,) if s.together else ()))) for s in found.shortfalls]

@@ -142,7 +142,6 @@ def advise(
         raise SpecError(f"{where.options()[0]}: only --confirm computes; leave it out, or give --confirm too")
     from clearcap.questions.tolerances import (
         advice_document,
-        advice_of,
         allocation_document,
         cheapest_tolerances,
         read_costs,
@@ -150,6 +149,8 @@ def advise(
 
     opened, plan = opened_campaign(store, campaign)
     if cost is None:
+        from clearcap.questions.report import advice_of
+
         advised = advice_of(opened, plan)
         if json:
             print_json(advice_document(plan, opened.url, advised))

@@ -27,6 +27,7 @@ from campaign.inputs.sampling import production_batch, sampler_named
 from campaign.inputs.sampling.sampler import joint_variables
 from campaign.plan import Plan, resolution
 from campaign.row_build import clearcap_version, differences
+from campaign.samples import limits_of
 from campaign.spec.campaign_file import CampaignSpec, Response
 from campaign.store import Store, open_store
 from campaign.store.files.files import TEMPORARY
@@ -40,6 +41,7 @@ from clearcap.questions.mechanisms import geometry_provenance
 from clearcap.questions.plan_differences import plan_differences
 from clearcap.questions.report_source import decided_by, report_source, sha256, stated_date, stated_source
 from clearcap.questions.tolerances import Spreads
+from clearcap.questions.whatif import check_drawn
 from engine import Mechanism, MechanismError
 from engine.mechanism import unit_of
 from engine.mechanism.keys.values import set_values
@@ -51,6 +53,7 @@ from reporting.comparison import Comparison
 from reporting.samples import AMBIGUOUS, AT_IMPACT, LATER, Repeats, leveled, read_samples
 from reporting.samples import read_repeats as checked
 from reporting.spec import MechanismDrawing, ProposalPart
+from reporting.tolerance.advice import ToleranceAdvice
 from reporting.write import NAMES, USUAL
 
 logger = logging.getLogger(__name__)
@@ -165,6 +168,18 @@ def analysis(store: Store, plan: Plan) -> Analysis:
     spec = report_spec(plan, store)
     with refusals_of(plan.campaign_id, "analysis"):
         return analyse(read_samples(report_rows(store, plan), spec), spec, **_beside_rows(store, plan))
+
+
+def advice_of(store: Store, plan: Plan) -> ToleranceAdvice:
+    """Return the report's advice: which spreads must shrink for required indices, and which may grow.
+
+    Raises CampaignError if no response has limits, or there is nothing to report on.
+    """
+    check_drawn(plan.spec)
+    if all(pair == (None, None) for pair in limits_of(plan).values()):
+        raise CampaignError(f"advice of {plan.campaign_id}: no response has limits; give limits to at least one")
+    found = analysis(store, plan)
+    return ToleranceAdvice(found.kept, found.kept_at, found.advice, found.shortfalls, found.advice_note)
 
 
 def _beside_rows(store: Store, plan: Plan) -> dict[str, Any]:

@@ -354,21 +354,6 @@ def costs_of(tables: Mapping[str, Any], plan: Plan, heading: str) -> Costs:
     return costs
 
 
-def advice_of(store: Store, plan: Plan) -> ToleranceAdvice:
-    """Return which spreads must shrink for responses below their required index, and which may grow for the others.
-
-    It is the advice of the report. Raises CampaignError if there is none.
-    """
-    from clearcap.questions.report import analysis  # which asks this module for spreads
-
-    check_drawn(plan.spec)
-    with _advice_errors(plan):
-        if all(pair == (None, None) for pair in limits_of(plan).values()):
-            raise ReportError("no response has limits; give limits to at least one")
-        found = analysis(store, plan)
-    return ToleranceAdvice(found.kept, found.kept_at, found.advice, found.shortfalls, found.advice_note)
-
-
 def cheapest_tolerances(store: Store, plan: Plan, costs: Costs) -> Allocation:
     """Return `cheapest_from` for the samples in the store."""
     check_drawn(plan.spec)

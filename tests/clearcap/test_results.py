@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 
 from campaign.errors import SpecError
 from campaign.spec.load import load_campaign
-from clearcap.questions.report import analysis
-from clearcap.questions.tolerances import advice_of
+from clearcap.questions.report import advice_of, analysis
 from clearcap.results import Results, open_campaign, report
 from reporting.render.data_files import render_json
 from tests.campaign import fake_engine

@@ -25,7 +25,6 @@ from campaign.store.layout import MANIFEST, PLAN, STOPPED
 from clearcap.questions.samples import list_samples, sample_cloud
 from clearcap.questions.tolerances import (
     advice_document,
-    advice_of,
     allocation_document,
     cheapest_from,
     read_cost_text,
@@ -99,6 +98,8 @@ def histograms_answer(rows: AskedRows, settings: Sequence[str], preview: bool) -
 
 def advice_answer(rows: AskedRows) -> dict[str, Any]:
     """Return the document of ``clearcap advise --json``."""
+    from clearcap.questions.report import advice_of  # loads packages that only reports need
+
     store = open_store(rows.store, QUICK)
     plan = store.plan(rows.campaign)
     return advice_document(plan, store.url, advice_of(store, plan))

@@ -18,8 +18,8 @@ from campaign.store import open_store
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from clearcap.cli import app
-from clearcap.questions.report import analysis, report
-from clearcap.questions.tolerances import advice_of, cheapest_tolerances, read_costs
+from clearcap.questions.report import advice_of, analysis, report
+from clearcap.questions.tolerances import cheapest_tolerances, read_costs
 from clearcap.questions.whatif import changed_variables, what_if
 from reporting import capability
 from reporting.tolerance.advice import DecidingIndex

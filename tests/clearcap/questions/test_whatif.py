@@ -17,7 +17,7 @@ from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from clearcap.cli import app
 from clearcap.cli.predictions import _cell
-from clearcap.questions.tolerances import advice_of
+from clearcap.questions.report import advice_of
 from clearcap.questions.whatif import share_in_words, what_if, what_if_document, what_if_from
 from reporting.format_numbers import ppm
 from reporting.tolerance.whatif import Estimate, WhatIf
