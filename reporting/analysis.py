@@ -262,9 +262,10 @@ def _sensitivity(samples: Samples, spec: ReportSpec, known: Mapping[str, Known])
     """Return how the variables influence the responses; None without variables, responses or ok samples."""
     if not spec.variables or not spec.responses or not np.any(samples.ok):
         return None
+    columns = Columns(samples.values).where(samples.ok)
     return sensitivity(
-        Columns({v.name: samples.values[v.name] for v in spec.variables}).where(samples.ok),
-        Columns({r.name: samples.values[r.name] for r in spec.responses}).where(samples.ok),
+        columns.only(v.name for v in spec.variables),
+        columns.only(r.name for r in spec.responses),
         {r.name: (r.lsl, r.usl) for r in spec.responses},
         samples.sample[samples.ok],
         CONFIDENCE,

@@ -40,6 +40,10 @@ class Columns(Mapping[str, Array]):
         """Return the number of columns."""
         return len(self._columns)
 
+    def __contains__(self, name: object) -> bool:
+        """Return whether there is such a column."""
+        return name in self._columns
+
     @property
     def sizes(self) -> set[int]:
         """Lengths of the columns; more than one if they are not of one table."""
@@ -99,6 +103,26 @@ def random_rows(n: int) -> NDArray[np.intp]:
     rows = random.permutation(n) if n <= MOST_ROWS else random.choice(n, MOST_ROWS, replace=False)
     rows.flags.writeable = False  # others get the same array
     return rows
+
+
+def some_of(rows: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return the indices of at most 200,000 of the rows for which a mask is True, in random order."""
+    found = np.flatnonzero(rows)
+    return found[random_rows(found.size)]
+
+
+def extremes(x: Array, count: int, *, largest: bool) -> NDArray[np.intp]:
+    """Return the indices of the smallest or the largest finite values in their order; of equal ones the first."""
+    if x.size == 0:
+        return np.zeros(0, np.intp)
+    some = x[random_rows(x.size)]
+    place = min(count, some.size)
+    # An extreme of all values is at least as far out as the same one of some of them.
+    if largest:
+        far = np.flatnonzero(x >= np.partition(some, some.size - place)[some.size - place])
+        return far[np.argsort(-x[far], kind="stable")][:count]
+    far = np.flatnonzero(x <= np.partition(some, place - 1)[place - 1])
+    return far[np.argsort(x[far], kind="stable")][:count]
 
 
 def centred_ranks(values: Array) -> Array:

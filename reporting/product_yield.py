@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import pdtr, pdtrc
 
-from reporting.arrays import Array, Columns, centred_ranks, random_rows
+from reporting.arrays import Array, Columns, centred_ranks, some_of
 from reporting.capability.intervals import (
     Interval,
     fisher_interval,
@@ -257,8 +257,7 @@ def response_correlations(samples: Samples, spec: ReportSpec, confidence: float)
 
 def _some(mask: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Return the rows for which a mask is True, at most 200,000 random ones, in order."""
-    rows = np.flatnonzero(mask)
-    return rows[np.sort(random_rows(rows.size))]
+    return np.sort(some_of(mask))
 
 
 # The share of samples whose parts cannot be assembled, with its interval, and the limit that it has to keep.

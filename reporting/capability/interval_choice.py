@@ -31,7 +31,7 @@ a few thousandths of its width.
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,7 +42,7 @@ from reporting.arrays import Array
 from reporting.capability.indices import centring, overall_intervals, point_indices
 from reporting.capability.intervals import Interval, bench_slopes, cpm_interval, mean_interval, std_interval
 from reporting.capability.lots import FEW_LOTS, Lots, lots_worth, variance_components
-from reporting.capability.moments import FEWEST_FOR_SHAPE, LIKELY, normal_moments_p, normal_shape_p
+from reporting.capability.moments import FEWEST_FOR_SHAPE, LIKELY, normal_moments_p, normal_shape_p, sums
 from reporting.format_numbers import part
 
 # Floor of the spread of squares: at its lower bound 0 sigma would be exact, which a few values cannot prove.
@@ -97,12 +97,18 @@ class OwnMoments:
 
 def own_moments(x: Array) -> OwnMoments:
     """Return the moments of finite values that differ."""
-    mean, deviation = centred(x)
-    square = float(np.mean(deviation**2))
-    z = deviation / math.sqrt(square)
-    squares = z * z
-    freedom = freedom_of_spread(squares - 1)
-    return OwnMoments(x.size, mean, square, float(np.mean(squares * z)), float(np.mean(squares * squares)), freedom)
+    n, (mean, deviation) = x.size, _deviation(x)
+    square = sums(x, lambda piece: (np.square(deviation(piece)),))[0] / n
+    root = math.sqrt(square)
+
+    def powers(piece: Array) -> tuple[Array, ...]:
+        z = deviation(piece) / root
+        squares = z * z
+        beyond = np.square(squares - 1)
+        return squares * z, squares * squares, beyond, beyond * beyond
+
+    third, fourth, *of_squares = (each / n for each in sums(x, powers))
+    return OwnMoments(n, mean, square, third, fourth, _freedom(n, *of_squares))
 
 
 def running_moments(x: Array, counts: Sequence[int]) -> list[OwnMoments]:
@@ -112,21 +118,20 @@ def running_moments(x: Array, counts: Sequence[int]) -> list[OwnMoments]:
     """
     # Sums of powers of scores: their origin is near all means, so that no digits are lost between the powers.
     origin, unit = float(np.mean(x[: counts[0]])), float(np.std(x[: counts[0]]))
-    sums, found, first = np.zeros(_POWERS + 1), list[OwnMoments](), 0
+    total, found, first = np.zeros(_POWERS + 1), list[OwnMoments](), 0
     for count in counts:
         for at in range(first, count, _PIECE):
             z = (x[at : min(at + _PIECE, count)] - origin) / unit
             power = np.ones_like(z)
             for k in range(_POWERS + 1):
-                sums[k] += power.sum()
+                total[k] += power.sum()
                 power *= z
-        first, raw = count, sums / sums[0]
+        first, raw = count, total / total[0]
         _, square, *higher = (
             sum(math.comb(k, j) * raw[j] * (-raw[1]) ** (k - j) for j in range(k + 1)) for k in range(1, _POWERS + 1)
         )
         third, fourth, _, sixth, _, eighth = (each / square ** (k / 2) for k, each in enumerate(higher, start=3))
-        spread = (eighth - 4 * sixth + 6 * fourth - 3) / (fourth - 1) ** 2 - 1
-        freedom = max(2 * count / max(spread, _LEAST_SPREAD_OF_SQUARES), _LEAST_FREEDOM)
+        freedom = _freedom(count, fourth - 1, eighth - 4 * sixth + 6 * fourth - 3)
         found.append(OwnMoments(count, origin + unit * raw[1], unit**2 * square, third, fourth, freedom))
     return found
 
@@ -183,16 +188,26 @@ def centred(x: Array) -> tuple[float, Array]:
     return float(x[0]) + shift, offset - shift
 
 
+def _deviation(x: Array) -> tuple[float, Callable[[Array], Array]]:
+    """Return what `centred` does, as a function of a piece of the values."""
+    first = float(x[0])
+    shift = sums(x, lambda piece: (piece - first,))[0] / x.size
+    return first + shift, lambda piece: (piece - first) - shift
+
+
 def freedom_of_spread(squares: Array) -> float:
     """Return the degrees of freedom of a variance of squares (minus their mean), from their second and fourth moment.
 
     Few degrees of freedom mean that a few values dominate the error of sigma.
     """
     fourth = squares**2
-    second = float(np.mean(fourth))
-    fourth *= fourth
-    spread = float(np.mean(fourth)) / second**2 - 1 if second > 0 else math.inf
-    return max(2 * squares.size / max(spread, _LEAST_SPREAD_OF_SQUARES), _LEAST_FREEDOM)
+    return _freedom(squares.size, float(np.mean(fourth)), float(np.mean(fourth**2)))
+
+
+def _freedom(n: int, second: float, fourth: float) -> float:
+    """Return the degrees of freedom of a variance of n squares with these moments."""
+    spread = fourth / second**2 - 1 if second > 0 else math.inf
+    return max(2 * n / max(spread, _LEAST_SPREAD_OF_SQUARES), _LEAST_FREEDOM)
 
 
 def freedom_of_pooled(residual: Array, group: NDArray[np.intp], confidence: float) -> float:
@@ -387,19 +402,33 @@ def choose_method(x: Array, kurtosis: float | None, lots: Lots | None) -> Method
     `kurtosis` is their excess kurtosis G2, None below four values; `lots` is None for independent values.
     """
     worth = float(x.size) if lots is None else lots.effective
-    deviation = centred(x)[1]
-    p = normal_moments_p(deviation, worth) if worth >= FEWEST_FOR_SHAPE else 1.0
+    _, deviation = _deviation(x)
+    p = 1.0
+    if worth >= FEWEST_FOR_SHAPE:
+        square, third, fourth = (each / x.size for each in sums(x, lambda piece: _powers(deviation(piece))))
+        p = normal_shape_p(third / square**1.5, fourth / square**2, worth)
     normal = p >= PROVEN
     if lots is not None:
         return Method(PRODUCTION_LOTS if lots.enough else "", _of_lots(lots), normal)
     if _by_own_moments(x.size, kurtosis, p):
-        deviation *= deviation
-        return Method(OWN_MOMENTS, _of_moments(x.size, p, freedom_of_spread(deviation - deviation.mean())), normal)
+
+        def of_squares(piece: Array) -> tuple[Array, Array]:
+            beyond = np.square(np.square(deviation(piece)) - square)
+            return beyond, beyond * beyond
+
+        freedom = _freedom(x.size, *(each / x.size for each in sums(x, of_squares)))
+        return Method(OWN_MOMENTS, _of_moments(x.size, p, freedom), normal)
     if x.size < FEWEST_FOR_SHAPE:
         return Method(NORMAL, f"Normal theory: {x.size} values are too few to show another shape.", normal)
     few = f" Fewer than {_FEW_VALUES} values show only a large departure." if x.size < _FEW_VALUES else ""
     agrees = f"Normal theory: skewness and kurtosis agree with a normal distribution (p = {p:.2g})."
     return Method(NORMAL, f"{agrees}{few}{_unseen(x.size)}", normal)
+
+
+def _powers(deviation: Array) -> tuple[Array, Array, Array]:
+    """Return second, third and fourth powers."""
+    squares = deviation * deviation
+    return squares, squares * deviation, squares * squares
 
 
 def _by_own_moments(n: int, kurtosis: float | None, p: float) -> bool:

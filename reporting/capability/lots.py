@@ -111,7 +111,8 @@ def lot_error(influence: Array, weight: Array, lots: NDArray[np.generic] | None)
     """
     terms = weight * influence
     if lots is None or independent(lots):
-        return math.sqrt(float(np.sum(terms**2))), math.inf
+        terms *= terms
+        return math.sqrt(float(np.sum(terms))), math.inf
     _, group = np.unique(lots, return_inverse=True)
     sums = np.bincount(group, weights=terms)
     if sums.size == 1:

@@ -5,10 +5,11 @@ skewness and kurtosis. `scipy.stats.normaltest` gives the same numbers, but take
 """
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
-from reporting.arrays import ROUNDING, Array
+from reporting.arrays import MOST_ROWS, ROUNDING, Array
 
 # With fewer values the test is not valid (D'Agostino, Belanger, D'Agostino 1990).
 FEWEST_FOR_SHAPE = 8
@@ -21,24 +22,37 @@ def location_and_shape(x: Array) -> dict[str, float]:
     if x.size == 0:
         return {}
     low, high = float(x.min()), float(x.max())
-    # By rounding, the mean of equal values can differ from them.
-    mean = min(max(float(np.mean(x)), low), high)
+    of_all = sums(x, lambda piece: (piece,))[0] / x.size
+    mean = min(max(of_all, low), high)  # by rounding, the mean of equal values can differ from them
     numbers = {"mean": mean, "min": low, "max": high, "median": float(np.median(x))}
     if x.size < 2:
         return numbers
-    std = float(np.std(x, ddof=1))
+    std = math.sqrt(sums(x, lambda piece: (np.square(piece - of_all),))[0] / (x.size - 1))
     if low == high or std <= ROUNDING * max(abs(low), abs(high)):
         return numbers | {"std": 0.0}
-    return numbers | {"std": std} | _skewness_and_kurtosis((x - mean) / std)
+    return numbers | {"std": std} | _skewness_and_kurtosis(x, mean, std)
 
 
-def _skewness_and_kurtosis(z: Array) -> dict[str, float]:
-    """Return adjusted skewness G1 and excess kurtosis G2 of standardised values (Joanes and Gill 1998)."""
-    n, squares, numbers = z.size, z * z, {}  # products, because powers above 2 take ten times as long
+def sums(x: Array, of: Callable[[Array], tuple[Array, ...]]) -> tuple[float, ...]:
+    """Return the sums of functions of values, from pieces of them: no further column of millions is in memory."""
+    pieces = (of(x[first : first + MOST_ROWS]) for first in range(0, x.size, MOST_ROWS))
+    return tuple(sum(each) for each in zip(*([float(np.sum(y)) for y in piece] for piece in pieces), strict=True))
+
+
+def _skewness_and_kurtosis(x: Array, mean: float, std: float) -> dict[str, float]:
+    """Return adjusted skewness G1 and excess kurtosis G2 of values (Joanes and Gill 1998)."""
+
+    def powers(piece: Array) -> tuple[Array, Array]:
+        z = (piece - mean) / std
+        squares = z * z  # products, because powers above 2 take ten times as long
+        return squares * z, squares * squares
+
+    n, numbers = x.size, dict[str, float]()
+    third, fourth = sums(x, powers)
     if n > 2:
-        numbers["skewness"] = n / ((n - 1) * (n - 2)) * float(np.sum(squares * z))
+        numbers["skewness"] = n / ((n - 1) * (n - 2)) * third
     if n > 3:
-        fourth = n * (n + 1) / ((n - 1) * (n - 2) * (n - 3)) * float(np.sum(squares * squares))
+        fourth *= n * (n + 1) / ((n - 1) * (n - 2) * (n - 3))
         numbers["kurtosis"] = fourth - 3 * (n - 1) ** 2 / ((n - 2) * (n - 3))
     return numbers
 

@@ -553,7 +553,7 @@ def _with_error(
 ) -> tuple[float, float, float]:
     """Return the index of values, its standard error and the degrees of freedom of the error."""
     mean, std = float(np.mean(x)), float(np.std(x))
-    weight = np.full(x.size, 1 / x.size)
+    weight = np.broadcast_to(1 / x.size, x.shape)
     if std == 0 or (lsl is None and usl is None):
         return mean, *lot_error(x - mean, weight, lots)
     index = cpk(mean, std, lsl, usl)

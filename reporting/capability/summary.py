@@ -413,7 +413,7 @@ def target_indices(
         influence = side * (x - mean) / (3 * tau) - cpmk * (((x - target) / tau) ** 2 - 1) / 2
         enough = x.size >= FEWEST_FOR_CPMK and (described is None or round(described.worth) >= FEW_LOTS)
         if method.name and enough:
-            error, freedom = lot_error(influence, np.full(x.size, 1 / x.size), lots)
+            error, freedom = lot_error(influence, np.broadcast_to(1 / x.size, x.shape), lots)
             influence *= influence  # products, because powers above 2 take ten times as long
             second = float(np.mean(influence))
             influence *= influence

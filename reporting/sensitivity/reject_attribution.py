@@ -32,7 +32,7 @@ from scipy.special import expit, kolmogorov, ndtri, stdtrit
 from threadpoolctl import threadpool_limits
 
 from reporting import format_numbers
-from reporting.arrays import Array, Columns, random_rows
+from reporting.arrays import Array, Columns, extremes, random_rows, some_of
 from reporting.capability.intervals import Interval, welch
 from reporting.errors import ReportError
 from reporting.sensitivity.regression import shapley_values
@@ -82,26 +82,30 @@ def reject_causes(
     y: Array, inputs: Mapping[str, Array], lsl: float | None, usl: float | None, confidence: float
 ) -> RejectCauses | None:
     """Return the common properties of rejects; None without limits, or with fewer than 20 samples in a group."""
-    margins = [*([] if lsl is None else [y - lsl]), *([] if usl is None else [usl - y])]
-    if not margins:
+    if lsl is None and usl is None:
         return None
-    margin = np.min(margins, axis=0)
-    out = margin < 0
+    out = (y < (-np.inf if lsl is None else lsl)) | (y > (np.inf if usl is None else usl))
     rejects, group = int(np.count_nonzero(out)), REJECTS
     if rejects < FEWEST:
         count = max(math.ceil(TAIL_SHARE * y.size), FEWEST)
         if y.size < 2 * count:
             return None
         group, out = TAIL, np.zeros(y.size, np.bool_)
-        out[np.argpartition(margin, count)[:count]] = True
-    inside, outside = np.flatnonzero(~out), np.flatnonzero(out)
-    if inside.size < FEWEST:
+        out[np.argpartition(_margin(y, lsl, usl), count)[:count]] = True
+    outside = int(np.count_nonzero(out))
+    if y.size - outside < FEWEST:
         return None
-    a, b = outside[random_rows(outside.size)], inside[random_rows(inside.size)]
+    a, b = some_of(out), some_of(~out)
     columns = Columns.of(inputs)
     differences = (_compared(name, columns.take(name, a), columns.take(name, b), confidence) for name in columns)
     ranked = sorted(differences, key=lambda d: -d.distance)
-    return RejectCauses(group, outside.size, inside.size, rejects, tuple(ranked))
+    return RejectCauses(group, outside, y.size - outside, rejects, tuple(ranked))
+
+
+def _margin(y: Array, lsl: float | None, usl: float | None) -> Array:
+    """Return the distance of each value from the nearer limit."""
+    margins = [*([] if lsl is None else [y - lsl]), *([] if usl is None else [usl - y])]
+    return np.asarray(np.minimum(margins[0], margins[-1]))
 
 
 def worst_samples(
@@ -109,15 +113,17 @@ def worst_samples(
 ) -> tuple[WorstSample, ...]:
     """Return the five samples with the smallest margin to each limit, the lower limit and the worst sample first."""
     worst, columns = [], Columns.of(inputs)
-    for side, margin in (("lower", None if lsl is None else y - lsl), ("upper", None if usl is None else usl - y)):
-        if margin is None:
+    for side, limit in (("lower", lsl), ("upper", usl)):
+        if limit is None:
             continue
-        few = np.argpartition(margin, LISTED)[:LISTED] if y.size > LISTED else np.arange(y.size)
-        rows = few[np.lexsort((sample[few], margin[few]))]
+        rows = extremes(y, LISTED, largest=side == "upper")
+        margins = y[rows] - limit if side == "lower" else limit - y[rows]
+        order = np.lexsort((sample[rows], margins))
+        rows, margins = rows[order], margins[order]
         of_rows = {name: columns.take(name, rows).tolist() for name in columns}
         for place, row in enumerate(rows):
             values = {name: column[place] for name, column in of_rows.items()}
-            worst.append(WorstSample(side, int(sample[row]), float(y[row]), float(margin[row]), values))
+            worst.append(WorstSample(side, int(sample[row]), float(y[row]), float(margins[place]), values))
     return tuple(worst)
 
 
@@ -204,8 +210,7 @@ def reject_attribution(
     if independent < FEWEST_REJECTS:
         return RejectAttribution(rejects, n, None, (), _too_few_of("production lots", independent))
     # The cost doubles with each variable: those that differ most among the rejects are judged.
-    among = np.flatnonzero(out)
-    among, some = among[random_rows(rejects)], random_rows(n)
+    among, some = some_of(out), random_rows(n)
     judged = sorted(varying, key=lambda v: -largest_distance(columns.take(v, among), columns.take(v, some)))
     judged, rows = judged[:MOST_ATTRIBUTED], _case_control(out)
     scores = np.column_stack([_scores(columns.take(v, some), columns.take(v, rows)) for v in judged])
@@ -313,9 +318,7 @@ def _varies(columns: Columns, name: str, n: int) -> bool:
 
 def _case_control(out: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Return the rows to fit: rejects and others, each in random order and limited in number."""
-    rejects, others = np.flatnonzero(out), np.flatnonzero(~out)
-    few = rejects[random_rows(rejects.size)[:_MOST_REJECTS]], others[random_rows(others.size)[:_MOST_OTHERS]]
-    return np.concatenate(few)
+    return np.concatenate([some_of(out)[:_MOST_REJECTS], some_of(~out)[:_MOST_OTHERS]])
 
 
 def _too_few(rejects: int, n: int) -> str:

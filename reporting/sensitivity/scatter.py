@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reporting.arrays import Array, Columns, random_rows
+from reporting.arrays import Array, Columns, extremes, random_rows
 from reporting.sensitivity.influence import ResponseSensitivity
 
 STRONGEST = 2
@@ -79,12 +79,8 @@ def _shown(y: Array) -> NDArray[np.intp]:
     """Return the rows to draw, in order; the same values give the same rows."""
     if y.size <= POINTS + 2 * EXTREMES:
         return np.arange(y.size)
-    random = random_rows(y.size)
-    # An extreme of all values is as far out as the same one of some of them.
-    ends = np.partition(y[random], (EXTREMES - 1, random.size - EXTREMES))[[EXTREMES - 1, -EXTREMES]]
-    far = np.flatnonzero((y <= ends[0]) | (y >= ends[1]))
-    order = far[np.argpartition(y[far], (EXTREMES, far.size - EXTREMES))]
-    return np.unique(np.concatenate([random[:POINTS], order[:EXTREMES], order[-EXTREMES:]]))
+    ends = [extremes(y, EXTREMES, largest=largest) for largest in (False, True)]
+    return np.unique(np.concatenate([random_rows(y.size)[:POINTS], *ends]))
 
 
 def _slope(x: Array, y: Array) -> float | None:

@@ -190,7 +190,9 @@ def sensitivity(
         for name in names:
             lsl, usl = (limits or {}).get(name, (None, None))
             more, y = (known or {}).get(name, Known()), values[name]
-            found = _response(name, columns, y, sample[at], (lsl, usl), measures, more, confidence)
+            found = _response(
+                name, columns, y, sample if at.all() else sample[at], (lsl, usl), measures, more, confidence
+            )
             out = (y < (-np.inf if lsl is None else lsl)) | (y > (np.inf if usl is None else usl))
             costs = reject_attribution(columns, out, confidence, of_rows) if np.any(out) else None
             done[name] = replace(found, attribution=costs, notes=(*found.notes, *_of_lots(count, int(at.sum()))))

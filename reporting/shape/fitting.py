@@ -311,13 +311,13 @@ def fit_families(
     # The square of a double above 1e154 overflows, a sum of squares earlier.
     if not largest < 1e150 or not float(np.std(values)) > 0:
         return unfitted("The values are too large or too small to be squared, so no distribution is fitted.")
-    tied = sample.ties
-    found = tied.atoms()
+    tied = sample.repetition
+    found = tied.atoms
     if found:
         reasons = [atom.words for atom in found]
         return unfitted(" ".join([*reasons, "No smooth distribution describes that, so none is fitted."]), found)
     if tied.discrete:
-        return unfitted(f"Only {tied.values.size} different values, so no smooth distribution is fitted.")
+        return unfitted(f"Only {tied.distinct} different values, so no smooth distribution is fitted.")
     fitting = Fitting(sample, limits)
     families = FAMILIES.values() if names is None else [FAMILIES[name] for name in FAMILIES if name in set(names)]
     outcomes = {family.name: fitting.fit(family) for family in families}
@@ -327,7 +327,7 @@ def fit_families(
     notes: tuple[str, ...] = ()
     if n > SEARCHED:
         notes = (f"Fitted to {SEARCHED} weighted values that represent {n}; both tails are complete.",)
-    if tied.values.size < n:
+    if tied.distinct < n:
         notes += (
             "Equal values are spread over the interval that rounds to them: parameters and ppm differ a little from "
             "those of programs that fit rounded values as they are.",

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import pdtrc
 
 from reporting.arrays import Array
@@ -53,7 +53,7 @@ class Ties:
     """Distinct values and their counts."""
 
     values: Array  # ascending, shape (m,)
-    counts: Array  # shape (m,)
+    counts: NDArray[np.int64]  # shape (m,)
 
     @property
     def discrete(self) -> bool:
@@ -62,11 +62,11 @@ class Ties:
 
     def atoms(self) -> tuple[Atom, ...]:
         """Return the atoms, the lowest first."""
-        n, m = float(self.counts.sum()), self.values.size
+        n, m = int(self.counts.sum()), self.values.size
         if m < 2 * _REACH or m == n:
             return ()
         several = np.flatnonzero(self.counts > 1)
-        counts, usual = self.counts[several], _neighbours(self.counts)[several]
+        counts, usual = self.counts[several], _neighbours(self.counts, several)
         # Without rounding all values are distinct: a count above one occurs by chance at the rate of the neighbours.
         rate = np.maximum(usual - 1 + np.sqrt(usual - 1), (n - m) / m)
         proven = m * pdtrc(counts - 2, rate) < _CHANCE
@@ -89,20 +89,30 @@ class Ties:
         """Return the values; equal ones are spread evenly over the range that rounds to them."""
         if self.values.size == self.counts.sum():
             return self.values
-        count, last = self.counts.astype(np.int64), self.values.size - 1
-        every = np.repeat(self.values, count)
-        several = np.flatnonzero(count > 1)
-        first = (np.cumsum(count) - count)[several]
+        last, every = self.values.size - 1, np.repeat(self.values, self.counts)
+        several = np.flatnonzero(self.counts > 1)
+        count = self.counts[several]
+        first = several + np.cumsum(count - 1) - (count - 1)
         gaps = [
             (self.values[to] - self.values[at]) / 2
             for at, to in ((several, several + 1), (several - 1, several))
             for at, to in ((np.clip(at, 0, last - 1), np.clip(to, 1, last)),)
         ]
-        half, count = np.minimum(*gaps), count[several]
+        half = np.minimum(*gaps)
         place = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         across = (2 * place + 1) / np.repeat(count, count) - 1
         every[np.repeat(first, count) + place] += across * np.repeat(half, count)
         return every
+
+
+@dataclass(frozen=True)
+class Repetition:
+    """How the values of a sample repeat."""
+
+    distinct: int  # values
+    discrete: bool  # there are too few distinct values to be described by a density
+    step: float  # to which the values are rounded; 0 if most of them differ from all others
+    atoms: tuple[Atom, ...]  # the lowest first
 
 
 @dataclass(frozen=True)
@@ -117,15 +127,20 @@ class SortedSample:
         with np.errstate(over="ignore", invalid="ignore"):
             return location_and_shape(self.values)
 
-    @cached_property
-    def ties(self) -> Ties:
-        """Distinct values and their counts; of values that are not all equal."""
-        return ties(self.values)
+    @property
+    def repetition(self) -> "Repetition":
+        """How values repeat; of values that are not all equal."""
+        return self._repeated[0]
 
-    @cached_property
+    @property
     def spread(self) -> Array:
         """Values of which equal ones are spread over the range that rounds to them; of values not all equal."""
-        return self.ties.spread()
+        return self._repeated[1]
+
+    @cached_property
+    def _repeated(self) -> "tuple[Repetition, Array]":
+        tied = ties(self.values)
+        return Repetition(tied.values.size, tied.discrete, tied.step, tied.atoms()), tied.spread()
 
     def quantiles(self, shares: ArrayLike) -> Array:
         """Return the quantiles that `numpy.quantile` interpolates."""
@@ -148,16 +163,19 @@ def ties(ordered: Array) -> Ties:
     usual = float(three_quarters - quarter or ordered[-1] - ordered[0]) / ordered.size
     first = np.flatnonzero(np.append(True, np.diff(ordered) > _EQUAL * usual))
     last = np.append(first[1:], ordered.size)
-    return Ties(ordered[(first + last - 1) // 2], (last - first).astype(np.float64))
+    middle = first + last  # columns of millions: what is computed takes the place of what is not needed again
+    middle -= 1
+    middle //= 2
+    last -= first
+    return Ties(ordered[middle], last)
 
 
-def _neighbours(counts: Array) -> Array:
-    """Return the mean count of the neighbours of each value."""
-    padded = np.concatenate((np.zeros(_REACH), counts, np.zeros(_REACH)))
-    present = np.concatenate((np.zeros(_REACH), np.ones(counts.size), np.zeros(_REACH)))
-    moves = [k for k in range(2 * _REACH + 1) if k != _REACH]
-    total = sum(padded[k : k + counts.size] for k in moves)
-    return np.asarray(total / sum(present[k : k + counts.size] for k in moves))
+def _neighbours(counts: NDArray[np.int64], at: NDArray[np.intp]) -> Array:
+    """Return the mean count of the neighbours of some values."""
+    near = at + np.array([[k] for k in range(-_REACH, _REACH + 1) if k])
+    present = (near >= 0) & (near < counts.size)
+    total = np.where(present, counts[np.clip(near, 0, counts.size - 1)], 0).sum(axis=0)
+    return np.asarray(total / present.sum(axis=0))
 
 
 @dataclass(frozen=True)

@@ -121,7 +121,7 @@ def supported_indices(
         "ppm_range": (min(expected), max(expected)) if disagree else None,
     }
     given = sorted_sample(x)
-    ordered, tied = given.values, given.ties
+    ordered, tied = given.values, given.repetition
     sample, step = bin_sample(given.spread, BINNED), tied.step / float(np.std(ordered))
     moves = (-tied.step / 2, tied.step / 2) if step > _COARSE else (0.0,)
     limited = {name: end for name, end in (("ppl", lsl), ("ppu", usl)) if end is not None}

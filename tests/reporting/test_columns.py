@@ -3,7 +3,7 @@
 import numpy as np
 import pyarrow as pa
 
-from reporting.arrays import MOST_ROWS, Columns, random_rows
+from reporting.arrays import MOST_ROWS, Columns, extremes, random_rows
 from reporting.samples import AMBIGUOUS, AT_IMPACT, LATER, read_samples
 from tests.reporting.synthetic import c60_spec, c60_table
 
@@ -55,3 +55,15 @@ def test_rows_are_the_same_in_one_table_or_in_many():
         assert all(np.array_equal(column, getattr(many, of)[name], True) for name, column in getattr(one, of).items())
     assert one.at_impact["FC-2"].sum() == n // 4
     assert set(read_samples(table.drop_columns(["max_turn"]), spec).largest) == {"max_residual", "max_penetration"}
+
+
+def test_extremes_are_those_of_all_values():
+    """Of few and of many values, of equal ones the first."""
+    rng = np.random.default_rng(5)
+    for x in (rng.normal(size=9), rng.normal(size=MOST_ROWS + 50_000), rng.integers(0, 4, 1000).astype(float)):
+        order = np.argsort(x, kind="stable")
+        assert extremes(x, 5, largest=False).tolist() == order[:5].tolist()
+        order = np.argsort(-x, kind="stable")
+        assert extremes(x, 5, largest=True).tolist() == order[:5].tolist()
+    assert extremes(np.array([2.0, 1.0]), 5, largest=False).tolist() == [1, 0]
+    assert extremes(np.zeros(0), 5, largest=True).size == 0
