@@ -15,6 +15,7 @@ from benchmarks import (
     c60,
     campaign,
     chain,
+    coordinator,
     first_use,
     form,
     friction,
@@ -37,6 +38,7 @@ PARTS: dict[str, dict[str, Callable[[float], Any]]] = {
     "form": {"form": form.measure},
     "campaign": {"campaign": lambda _: campaign.measure()},
     "overhead": {"overhead": lambda _: campaign.measure_overhead()},
+    "coordinator": {"coordinator": lambda _: coordinator.measure()},
     "report": {"report": lambda _: report.measure()},
     "first_use": {"first_use": first_use.measure},
     "siconos": {
@@ -60,6 +62,7 @@ TITLES: dict[str, str | dict[str, str]] = {
     "form": "a chain of ten links on rings of other forms, processor time of a step",
     "campaign": "clearcap run against bare processes",
     "overhead": "clearcap with runs that take no time",
+    "coordinator": "a coordinator of workers by a clock, on a store that answers in 20 ms",
     "report": "report of made-up samples, processes of their own",
     "first_use": "first use, processes of their own",
     "siconos": "friction solver against Siconos, from nothing, medians",

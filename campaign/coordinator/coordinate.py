@@ -62,6 +62,7 @@ PROBE_EVERY = 10.0  # s between two questions to the store whether it takes a fi
 PROBE = "probe.bin"
 PROBE_BYTES = 65_536  # as large as a part; a heartbeat may find room where no part does
 RECORD_INTERVAL = 30.0  # s between two manifests, which only save time
+RECORD_SHARE = 0.02  # the most of its time that a coordinator spends on them: that of 200,000 batches takes seconds
 MANY_FILES = 1000  # of rows, beyond which they are merged at the end
 STORE_TRIES = 3  # workers in a row for which the store fails, each after trying for minutes
 
@@ -188,7 +189,7 @@ class Coordinator:
         self._store_failures = 0  # successive failures that workers reported
         self._finished = 0  # calls
         self._probed_at = 0.0
-        self._recorded_at = 0.0
+        self._record_at = 0.0  # not before, by a monotonic clock [s]
 
     def run(self, connect: Connect) -> None:
         """Compute until the store has all batches, also those damaged meanwhile; ``connect`` again after each loss."""
@@ -327,9 +328,11 @@ class Coordinator:
         check_lease(store, campaign_id, self._token)
         self.publish_heartbeat("running", store)
         self._probe(store)
-        if time.monotonic() - self._recorded_at > RECORD_INTERVAL:
+        began = time.monotonic()
+        if began > self._record_at:
             store.record(self.plan, self.queue.parts.values())
-            self._recorded_at = time.monotonic()
+            now = time.monotonic()
+            self._record_at = now + max(RECORD_INTERVAL, (now - began) / RECORD_SHARE)
 
     def _probe(self, store: Store) -> None:
         """If nothing finishes, write a file as large as a part: a disk without room for one may have it for others."""

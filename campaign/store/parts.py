@@ -17,7 +17,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from campaign.errors import StoreError, file_gone
 from campaign.plan_header import PlanHeader
@@ -339,24 +339,31 @@ def load_manifest(files: Files, plan: PlanHeader) -> dict[str, list[Part]]:
         return {}
 
 
-def check_file(files: Files, plan: PlanHeader, name: str) -> list[Part]:
+class Reader(Protocol):
+    """What reads the files of a store by their names, `Files` or others."""
+
+    def read(self, name: str) -> bytes:
+        """Return a file's content; see `Files.read`."""
+
+
+def check_file(files: Reader, plan: PlanHeader, name: str) -> list[Part]:
     """Return the parts in a file of rows of this plan; FileNotFoundError or BadPart if it is none."""
     return _read_checked(files, plan, name)[1]
 
 
-def read_file(files: Files, plan: PlanHeader, name: str, columns: Sequence[str] | None = None) -> "pa.Table":
+def read_file(files: Reader, plan: PlanHeader, name: str, columns: Sequence[str] | None = None) -> "pa.Table":
     """Return the rows of a file, with all columns or the named ones; raises the same errors as `check_file`."""
     content, parts = _read_checked(files, plan, name)
     return decode(plan, content, sum(part.rows for part in parts), columns)
 
 
-def read_part_file(files: Files, plan: PlanHeader, batch: int) -> "tuple[Part, pa.Table]":
+def read_part_file(files: Reader, plan: PlanHeader, batch: int) -> "tuple[Part, pa.Table]":
     """Return a batch's own part and its rows, from one read; raises the same errors as `check_file`."""
     content, (part,) = _read_checked(files, plan, file_name(batch, batch))
     return part, decode(plan, content, part.rows)
 
 
-def _read_checked(files: Files, plan: PlanHeader, name: str) -> tuple[bytes, list[Part]]:
+def _read_checked(files: Reader, plan: PlanHeader, name: str) -> tuple[bytes, list[Part]]:
     span = batches_of(name, plan)
     if span is None:
         raise file_gone(name)
@@ -364,7 +371,7 @@ def _read_checked(files: Files, plan: PlanHeader, name: str) -> tuple[bytes, lis
     return content, check(plan, content, *span, merged=name.startswith("rows"))
 
 
-def _read_content(files: Files, plan: PlanHeader, name: str) -> bytes:
+def _read_content(files: Reader, plan: PlanHeader, name: str) -> bytes:
     """Return the content of a file of rows; BadPart if it is not a regular file, or too large."""
     try:
         return files.read(f"{folder(plan)}/{name}")

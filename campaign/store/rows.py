@@ -4,7 +4,10 @@ They are read piece by piece from parts and merged files, even during a merge.
 """
 
 import logging
+from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING
@@ -13,6 +16,7 @@ from campaign.errors import StoreError, file_gone
 from campaign.plan_header import PlanHeader
 from campaign.store.files.files import Files
 from campaign.store.parts import (
+    READERS,
     ROW_GROUP,
     BadPart,
     Part,
@@ -97,27 +101,61 @@ def _tables_of_files(
     batch, last = 0, max(number for number, (first, _) in enumerate(plan.batches) if first < end)
     listed_for = -1
     bad: set[str] = set()
-    while batch <= last:
-        names = [name for name in by_batch.get(batch, []) if name not in bad]
-        if not names and listed_for != batch and batch in by_batch:  # its file was merged, or is bad: list anew
-            by_batch, listed_for = _wanted(files_by_batch(files, plan), batches), batch
-            continue
-        if not names:
-            batch += 1
-            continue
-        last_in_file = _last_from_file(by_batch, names[0], batch, last)
+    first_choices = dict.fromkeys(by_batch[number][0] for number in range(last + 1) if number in by_batch)
+    with nullcontext(files) if files.local else _ReadAhead(files, plan, first_choices) as source:
+        while batch <= last:
+            names = [name for name in by_batch.get(batch, []) if name not in bad]
+            if not names and listed_for != batch and batch in by_batch:  # its file was merged, or is bad: list anew
+                by_batch, listed_for = _wanted(files_by_batch(files, plan), batches), batch
+                continue
+            if not names:
+                batch += 1
+                continue
+            last_in_file = _last_from_file(by_batch, names[0], batch, last)
+            try:
+                table = cut(plan, names[0], read_file(source, plan, names[0], columns), batch, last_in_file)
+            except FileNotFoundError:
+                by_batch[batch].remove(names[0])
+                continue
+            except BadPart as error:
+                command = files.command("resume", plan.campaign_id)
+                logger.warning("%s %s: left out; compute its samples again with: %s", names[0], error, command)
+                bad.add(names[0])
+                continue
+            yield table.slice(0, end - plan.batches[batch][0])
+            batch = last_in_file + 1
+
+
+class _ReadAhead:
+    """Parts behind a URL, read before they are asked for and several at a time, because an object store answers slowly.
+
+    They are asked for in the order of the names; merged files, which are large, are not read ahead.
+    """
+
+    def __init__(self, files: Files, plan: PlanHeader, names: Iterable[str]) -> None:
+        self._files, self._pool = files, ThreadPoolExecutor(READERS)
+        self._paths = deque(f"{folder(plan)}/{name}" for name in names if not name.startswith("rows"))
+        self._begun: dict[str, Future[bytes]] = {}
+
+    def read(self, name: str) -> bytes:
+        """Return the content of a file, as `Files.read` does."""
+        while name in self._begun and next(iter(self._begun)) != name:  # files that nobody asked for
+            del self._begun[next(iter(self._begun))]
+        begun = self._begun.pop(name, None)
+        while self._paths and len(self._begun) < READERS:
+            path = self._paths.popleft()
+            if path != name:
+                self._begun[path] = self._pool.submit(self._files.hasty.read, path)
         try:
-            table = cut(plan, names[0], read_file(files, plan, names[0], columns), batch, last_in_file)
-        except FileNotFoundError:
-            by_batch[batch].remove(names[0])
-            continue
-        except BadPart as error:
-            command = files.command("resume", plan.campaign_id)
-            logger.warning("%s %s: left out; compute its samples again with: %s", names[0], error, command)
-            bad.add(names[0])
-            continue
-        yield table.slice(0, end - plan.batches[batch][0])
-        batch = last_in_file + 1
+            return begun.result() if begun else self._files.read(name)
+        except (StoreError, FileNotFoundError):  # a thread tries once, this one for as long as the policy allows
+            return self._files.read(name)
+
+    def __enter__(self) -> "_ReadAhead":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pool.shutdown(cancel_futures=True)
 
 
 def _wanted(by_batch: dict[int, list[str]], batches: Collection[int] | None) -> dict[int, list[str]]:

@@ -1,12 +1,15 @@
 """What there is of a campaign: the manifest saves time and decides nothing; where the table ends."""
 
 import os
+import secrets
+import threading
 from pathlib import Path
 
 import pytest
 
 from campaign.errors import StoreError
-from campaign.store import part_name, rows
+from campaign.plan import make_plan
+from campaign.store import open_store, part_name, rows
 from campaign.store import parts as surveys
 from campaign.store.files.files import Files
 from tests.campaign.store.test_store import fill
@@ -192,6 +195,44 @@ def test_stream_is_the_table_in_pieces(store, plan, monkeypatch):
     pieces = list(store.stream(plan, ["sample", "FC-1"]))
     assert [piece["sample"].to_pylist() for piece in pieces] == [[*range(10)], [*range(20, 25)]]
     assert pieces[0].column_names == ["sample", "FC-1"]
+
+
+@pytest.fixture
+def behind_url(campaign):
+    """Return a store behind a URL with all parts of a plan in batches of 2, and the plan."""
+    opened, plan = open_store(f"memory://{secrets.token_hex(4)}"), make_plan(campaign, 2)
+    opened.create_plan(plan)
+    fill(opened, plan, range(13))
+    return opened, plan
+
+
+def test_parts_behind_a_url_are_read_several_at_a_time(behind_url, monkeypatch):
+    """The next one is asked for before the last one has come; their order stays."""
+    store, plan = behind_url
+    backend = type(store.files._backend)
+    both, read = threading.Barrier(2, timeout=60.0), backend.read
+
+    def read_together(files, path, *others):
+        if path.endswith(("part-000001.parquet", "part-000002.parquet")):
+            both.wait()  # broken, if one is read after the other
+        return read(files, path, *others)
+
+    monkeypatch.setattr(backend, "read", read_together)
+    assert store.table(plan.campaign_id)["sample"].to_pylist() == [*range(25)]
+
+
+def test_bad_and_missing_parts_behind_a_url_are_left_out(behind_url, monkeypatch, caplog):
+    """With the same warning as in a folder; one may go while others are read."""
+    store, plan = behind_url
+    store.files.write(part_name(plan, 3), b"damaged")
+    monkeypatch.setattr(rows, "ROW_GROUP", 2)
+    pieces = store.stream(plan, ["sample"])
+    found = next(pieces)["sample"].to_pylist()
+    store.files.remove(part_name(plan, 12))
+    for piece in pieces:
+        found += piece["sample"].to_pylist()
+    assert found == [*range(6), *range(8, 24)]
+    assert "left out" in caplog.text
 
 
 def test_documents(store, plan):
