@@ -270,13 +270,16 @@ def advise_one(variable: str, question: Question, widen: Callable[[float], Chang
     def at(factor: float) -> Found:
         return question.at(changed(factor), dict.fromkeys(names, factor))
 
-    def read(errors: Mapping[str, Ends]) -> Advice:
-        curve = IndexCurve(cache(lambda factor: question.margin(at(factor), errors)), least, most)
-        return _read(variable, curve, most, BY_BOUNDS if most < MOST_FACTOR else BY_SEARCH)
+    def curve(errors: Mapping[str, Ends]) -> IndexCurve:
+        return IndexCurve(cache(lambda factor: question.margin(at(factor), errors)), least, most)
 
-    found = read({})
-    if found.method == EMULATION and found.factor is not None:
-        found = read(question.emulator_errors(dict.fromkeys(names, found.factor)))
+    ended, without = BY_BOUNDS if most < MOST_FACTOR else BY_SEARCH, curve({})
+    found, asked_at = _read(variable, without, most, ended), without.emulated
+    if asked_at is not None:  # the emulator's errors are those where it is asked
+        if found.method == EMULATION and found.factor is not None:
+            asked_at = found.factor
+        errors = question.emulator_errors(dict.fromkeys(names, asked_at))
+        found = _read(variable, curve(errors), most, ended)
     if found.ended_by == BY_BOUNDS or (found.ended_by and most == 1):
         found = replace(found, ended_by=BY_BOUNDS, limit=limit or "the variable's bounds allow no more")
     if found.factor in (None, 1.0):

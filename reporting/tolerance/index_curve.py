@@ -188,6 +188,12 @@ class IndexCurve:
         """The smallest and the largest factor with an answer."""
         return min(self._points), max(self._points)
 
+    @property
+    def emulated(self) -> float | None:
+        """The factor nearest to 1 at which an emulator answers; None if none does."""
+        found = [f for f, margin in self._points.items() if margin.effective is None]
+        return min(found, key=lambda f: abs(f - 1), default=None)
+
     def at(self, factor: float) -> Margin:
         """Return the margin at a factor, or at the nearest factor towards 1 with an answer."""
         margin = self._ask(factor)

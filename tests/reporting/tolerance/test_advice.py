@@ -94,6 +94,9 @@ def test_beyond_the_reach_of_weights_an_emulator_answers():
     (advice,) = ask(2.0, 1.33, variables=("J1",))
     assert (advice.method, advice.effective) == (EMULATION, None)
     assert advice.interval[0] <= exact("J1", 2.0, 1.33) <= advice.interval[1]
+    (near,) = ask(1.75, 1.33, variables=("J1",))  # the weights end at this factor, its interval does not
+    assert near.method == REWEIGHTING
+    assert near.interval[0] <= exact("J1", 1.75, 1.33) < 1.005 * near.factor < near.interval[1]
     (far,) = ask(1.9, 1.33, variables=("J2",))
     assert not far.bounded
     assert far.ended_by == BY_SAMPLES
