@@ -125,6 +125,7 @@ def test_a_script_of_a_package_s_name_is_told_so(tmp_path, script):
     """It hides the package of the same name: the message names the file, and what to do."""
     (tmp_path / f"{script}.py").write_text("import clearcap\nclearcap.load_campaign('c60')\n")
     environment = {**os.environ, "PYTHONPATH": str(Path(clearcap.__file__).parents[1])}
+    environment.pop("PYTHONSAFEPATH", None)  # a test before may have left it behind: nothing is hidden then
     command = [sys.executable, f"{script}.py"]
     told = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     assert told.returncode == 1
