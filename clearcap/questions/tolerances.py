@@ -44,12 +44,10 @@ from reporting.tolerance.cost_laws import CostLaw, ExponentialLaw, PowerLaw, Pro
 from reporting.tolerance.reweighting import Change
 
 SAME = 1e-6  # relative difference below which two standard deviations are the same
-_NEAREST = 1e-16  # distance from 0 and 1 of a probability whose quantile is taken
 # Steps of the search for a standard deviation, in the logarithm of the scale; one that is not found is not possible.
 _FIRST_STEP, _STEP_GROWTH, _MOST_STEPS = 0.25, 1.15, 15
 _BISECTIONS = 12  # between a factor that the mechanism accepts and one that it refuses
 _SEARCHED = 10.0  # factors up to this are tried on the mechanism at once
-_GRID, _WIDEST = 2001, 12.0  # points and half width [standard deviations] of a distribution over production batches
 _DIGITS = 7  # of a number for users to write into a file
 
 # Parameters that a distribution may have in place of mean and std.

@@ -77,6 +77,10 @@ class EmulatedTolerances:
             low, high = (middle, high) if is_covered(middle) else (low, middle)
         return low
 
+    def check(self, factors: Mapping[str, float]) -> None:
+        """Raise ReportError if too many new values of a variable lie beyond those of the rows."""
+        refuse_beyond(self._rows, self._drawn(factors))
+
     def moments(
         self, factors: Mapping[str, float], changed: Sequence[str], responses: Sequence[str] | None = None
     ) -> dict[str, Moments]:
@@ -107,7 +111,7 @@ class EmulatedTolerances:
 
         ReportError: there is no emulator, or too many new values lie beyond those of the rows.
         """
-        refuse_beyond(self._rows, self._drawn(factors))
+        self.check(factors)
         emulators = {name: self._emulator(name) for name in responses or self._responses}
         x, found = self._positions(factors), {}
         for name, emulator in emulators.items():

@@ -50,6 +50,9 @@ class Emulation(Protocol):
     def reach(self, variable: str, factor: float) -> float:
         """Return the largest factor, from 1 up to the given one, at which the rows still cover the variable."""
 
+    def check(self, factors: Mapping[str, float]) -> None:
+        """Raise ReportError if too many new values of a variable lie beyond those of the rows."""
+
     def moments(
         self, factors: Mapping[str, float], changed: Sequence[str], responses: Sequence[str] | None = None
     ) -> Mapping[str, Moments]:
@@ -124,21 +127,17 @@ class Question:
         if max(factors.values()) > 1 and not all(np.isfinite(y).all() for y in self.responses.values()):
             return "some runs have no value, and nothing tells how many more would have none"
         try:
-            if far := [name for name, factor in factors.items() if self.emulation.reach(name, factor) < factor]:
-                return f"too many new values of {far[0]} lie beyond those of the rows"
+            self.emulation.check(factors)
             moments = self.emulation.moments(factors, (), tuple(self.responses))
         except ReportError as error:
             return str(error)
         return {name: _cpk(found, self.limits[name]) for name, found in moments.items() if found.variance > 0}
 
     def emulator_errors(self, factors: Mapping[str, float]) -> dict[str, Ends]:
-        """Return how far below and above Cpk its interval by the emulator reaches, as parts of Cpk."""
+        """Return how far below and above Cpk its interval reaches, as parts of Cpk, at factors that are `emulated`."""
         if self.emulation is None:
             return {}
-        try:
-            answers = self.emulation.answers(factors, "", tuple(self.responses))
-        except ReportError:
-            return {}
+        answers = self.emulation.answers(factors, "", tuple(self.responses))
         found = {name: answer.cpk for name, answer in answers.items() if answer.cpk is not None and answer.cpk.value}
         return {
             name: ((cpk.value - cpk.interval[0]) / abs(cpk.value), (cpk.interval[1] - cpk.value) / abs(cpk.value))

@@ -324,3 +324,19 @@ def test_the_factor_is_the_first_at_which_a_what_if_reaches_the_target():
     assert inside.refusal or inside.cpk.value < 1.33
     assert what_if(y, change("J1", advice.factor, rows), *limits).refusal
     assert emulation.answers({"J1": advice.factor}, "")["y"].cpk.value == pytest.approx(1.33, rel=0.1)
+
+
+def test_where_what_if_refuses_the_emulator_advice_does_not_ask_it():
+    """Production varies another variable far beyond the rows: neither answers beyond the weights."""
+    limits = (-3 * 2.0 * SIGMA, 3 * 2.0 * SIGMA)
+    covered = emulators(Z, Y, limits)
+    rows = {f"J{i + 1}": Z[:, i] for i in range(3)}
+    far = EmulatedTolerances(
+        rows, {"y": Y}, {"y": limits}, lambda factors: covered._drawn(factors) | {"J3": 9 * FRESH[:, 2]}
+    )
+    asked = ({"y": Y}, {"y": limits}, {"y": 1.33}, ["J1"], widening(Z))
+    (answered,), (ended,) = (advise(*asked, emulation=each) for each in (covered, far))
+    assert (answered.method, answered.bounded) == (EMULATION, True)
+    assert (ended.method, ended.bounded, ended.ended_by) == (REWEIGHTING, False, BY_SAMPLES)
+    with pytest.raises(ReportError, match="J3"):
+        far.answers({"J1": 1.5}, "")
