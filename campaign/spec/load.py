@@ -4,7 +4,7 @@ Of its variables is checked that they can set their targets: existing keys, one 
 """
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from itertools import islice
@@ -22,7 +22,7 @@ from campaign.spec.campaign_file import MOST_VARIABLES, CampaignSpec
 from campaign.spec.faults import SpecFault, fault, structure_faults
 from campaign.spec.named_files import FolderFiles, GivenFiles, NamedFiles, campaign_names, read_data_files
 from campaign.spec.result_columns import CERTIFICATE_COLUMNS
-from engine import MechanismError, NotAssemblable, check, load_mechanism, set_values
+from engine import MechanismError, NotAssemblable, check, load_mechanism, missing_kernels, set_values
 from engine.faults.file_kinds import content_kind, other_kind, unreadable_kind
 from engine.faults.toml_positions import with_positions
 from engine.mechanism import Mechanism, full_key, get_value, library_names, unit_of
@@ -83,9 +83,8 @@ def load_campaign(source: Source, *, samples: int | None = None, seed: int | Non
     """
     overrides = {key: value for key, value in (("samples", samples), ("seed", seed)) if value is not None}
     if isinstance(source, Mapping):
-        compile_engine()  # all of it, though checks need only a part: a campaign that is loaded is soon to run
         tables, mechanism = with_named_mechanism(source)
-        return _checked({**tables, **overrides}, FolderFiles(Path(), mechanism), "campaign:")
+        return _checked({**tables, **overrides}, FolderFiles(Path(), mechanism), "campaign:", compiles=True)
     path = _locate(str(source))
     try:
         content = read_regular_file(path, LARGEST)
@@ -93,8 +92,7 @@ def load_campaign(source: Source, *, samples: int | None = None, seed: int | Non
         unreadable = f"cannot be read ({error.strerror or error}); name a campaign file"
         raise SpecError(f"campaign {path}: {unreadable_kind(path, 'campaign') or unreadable}") from error
     tables = _tables(content, path) | overrides
-    compile_engine()
-    return _checked(tables, FolderFiles(path.parent), f"campaign {path}:", content)
+    return _checked(tables, FolderFiles(path.parent), f"campaign {path}:", content, compiles=True)
 
 
 def with_named_mechanism(tables: Mapping[str, Any]) -> tuple[dict[str, Any], Mechanism | None]:
@@ -147,8 +145,13 @@ def load_campaign_text(
     return _checked(_tables(content, None) | overrides, GivenFiles(files), "campaign:", content)
 
 
-def _checked(raw: dict[str, Any], files: NamedFiles, heading: str, content: bytes = b"") -> Campaign:
-    """Return the campaign from the tables of a file; if its content is given, faults state their lines."""
+def _checked(
+    raw: dict[str, Any], files: NamedFiles, heading: str, content: bytes = b"", *, compiles: bool = False
+) -> Campaign:
+    """Return the campaign from the tables of a file; if its content is given, faults state their lines.
+
+    With ``compiles`` the engine is compiled apart from this process, where it is not yet, and nothing else is at fault.
+    """
     raw, faults = read_data_files(raw, files)
     spec = None
     try:
@@ -169,7 +172,7 @@ def _checked(raw: dict[str, Any], files: NamedFiles, heading: str, content: byte
     except (MechanismError, SpecError) as error:
         faults.append(fault([key], raw[key], str(error), error.faults))
     if mechanism is not None:
-        faults += islice(mechanism_faults(raw, mechanism), MOST_FAULTS)
+        faults += _contradictions(raw, mechanism, compiles, at_fault=bool(faults))
     if faults or spec is None or mechanism is None:
         lines = map(str, listed(faults, len(faults)))
         first = faults[:MOST_FAULTS]
@@ -177,11 +180,26 @@ def _checked(raw: dict[str, Any], files: NamedFiles, heading: str, content: byte
     return Campaign(spec, mechanism)
 
 
-def mechanism_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[SpecFault]:
-    """Yield the contradictions between a campaign, as read, and its mechanism, in tables that are valid themselves."""
+def _contradictions(raw: Mapping[str, Any], mechanism: Mechanism, compiles: bool, *, at_fault: bool) -> list[SpecFault]:
+    """Return the first faults of `mechanism_faults`, without those of assembly if only these needed the compiler."""
+    if missing_kernels():
+        # a misspelt name is told at once, and not after the minute that compiling takes
+        found = list(islice(mechanism_faults(raw, mechanism, assembles=False), MOST_FAULTS))
+        if at_fault or found:
+            return found
+        if compiles:
+            compile_engine()  # all of it, though checks need only a part: a campaign that is loaded is soon to run
+    return list(islice(mechanism_faults(raw, mechanism), MOST_FAULTS))
+
+
+def mechanism_faults(raw: Mapping[str, Any], mechanism: Mechanism, assembles: bool = True) -> Iterator[SpecFault]:
+    """Yield the contradictions between a campaign, as read, and its mechanism, in tables that are valid themselves.
+
+    With ``assembles``, the mechanism is assembled with the ends of each variable.
+    """
     yield from _name_faults(raw, mechanism)
     yield from _stop_faults(raw, mechanism)
-    yield from target_faults(raw, mechanism)
+    yield from target_faults(raw, mechanism, assembles)
     yield from _step_faults(raw, mechanism)
 
 
@@ -277,7 +295,7 @@ def _no_response(name: str, mechanism: Mechanism) -> str:
 # -- variables and their targets ---------------------------------------------------------------------------------------
 
 
-def target_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[SpecFault]:
+def target_faults(raw: Mapping[str, Any], mechanism: Mechanism, assembles: bool = True) -> Iterator[SpecFault]:
     """Yield the faults of a campaign's variables that are valid by themselves, and of their targets, one at a time."""
     # more variables are refused in any case: checking them too would only take time
     variables = dict(islice(_sound_variables(raw.get("variables")), MOST_VARIABLES))
@@ -306,7 +324,7 @@ def target_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[Spec
             )
         else:
             ends = {*variable.tried(), *_extremes(raw, name)}
-            found = list(_faults_of(name, target, ends, mechanism, counted))
+            found = list(_faults_of(name, target, ends, mechanism, counted, check if assembles else set_values))
             yield from found or _drawing_faults(name, target, variable, mechanism)
 
 
@@ -339,9 +357,14 @@ def _extremes(raw: Mapping[str, Any], name: str) -> list[float]:
 
 
 def _faults_of(
-    name: str, target: str, values: set[float], mechanism: Mechanism, counted: bool = False
+    name: str,
+    target: str,
+    values: set[float],
+    mechanism: Mechanism,
+    counted: bool,
+    accept: Callable[[Mechanism, Mapping[str, float]], object],
 ) -> Iterator[SpecFault]:
-    """Yield the faults of a target, or of values that the mechanism refuses, unless misfits are ``counted``."""
+    """Yield the faults of a target, or of values that ``accept`` refuses, unless misfits are ``counted``."""
     keys = ["variables", name]
     try:
         get_value(mechanism, target)
@@ -360,7 +383,7 @@ def _faults_of(
         return
     for value in sorted(values):
         try:
-            check(mechanism, {target: value})
+            accept(mechanism, {target: value})
         except NotAssemblable as error:
             if not counted:
                 text = f"reaches {target} = {value:g}, which {mechanism.name} refuses: {_reason(error, target)}"

@@ -113,6 +113,7 @@ def simulate(
         raise SpecError(
             "--every: no motion is recorded; give --trajectory, --plot or --animate too, or leave --every out"
         )
+    changed = set_values(loaded, values)  # a misspelt key is told at once, and not after the engine is compiled
     compile_engine()
     with files.recording() as motion:
         recording = Recording(motion, every or 1) if motion else None
@@ -121,13 +122,13 @@ def simulate(
     if step is not None and run.status in ("not_at_rest", "diverged"):
         from engine.preflight.cautions import step_caution
 
-        if (slower := step_caution(set_values(loaded, values), step, horizon)) is not None:  # has the longest step
+        if (slower := step_caution(changed, step, horizon)) is not None:  # has the longest step
             run = replace(run, message=f"{run.message}; but the step is too long: {slower.remedy}")
     _print_run(run, files.named(), json)
     for doubt in run.certificate.doubts():
         say(f"warning: {doubt}")
     if run.status != "ok":
-        for caution in cautions(set_values(loaded, values)):
+        for caution in cautions(changed):
             say(f"warning: {caution}")
         raise typer.Exit(1)
 

@@ -12,14 +12,17 @@ from pathlib import Path
 
 import psutil
 import pytest
+from typer.testing import CliRunner
 
 from campaign import compiling
 from campaign.compiling import announced_compilation, compile_engine
+from campaign.errors import SpecError
 from campaign.spec import load
 from campaign.spec.load import load_campaign
+from clearcap.cli import app
 from clearcap.questions import mechanisms
 from clearcap.questions.mechanisms import mechanism_warnings
-from engine import load_mechanism, missing_kernels, warm_up
+from engine import MechanismError, load_mechanism, missing_kernels, warm_up
 from engine.jit import CACHE_FOLDER
 from tests.campaign.commands import ROOT
 from tests.until import until
@@ -106,7 +109,8 @@ def test_a_compiled_engine_misses_nothing(tmp_path):
 def compiled(monkeypatch):
     """Return what happens in a process with an empty cache: ``compiled`` for all kernels, ``checked`` for a check."""
     happened = []
-    monkeypatch.setattr(compiling, "missing_kernels", lambda: () if "compiled" in happened else ("0.nbi",))
+    for module in (compiling, load):
+        monkeypatch.setattr(module, "missing_kernels", lambda: () if "compiled" in happened else ("0.nbi",))
     monkeypatch.setattr(compiling, "_compile_apart", lambda: happened.append("compiled"))
     for module in (load, mechanisms):
         monkeypatch.setattr(module, "check", lambda *_: happened.append("checked"))
@@ -120,6 +124,26 @@ def test_all_is_compiled_before_a_check_compiles_a_part(compiled):
     assert len(compiled) > 10
     compiled.clear()
     mechanism_warnings(load_mechanism("c60"))
+    assert compiled[:2] == ["compiled", "checked"]
+
+
+def test_a_misspelt_name_is_told_before_anything_is_compiled(compiled):
+    """On a new machine the answer would otherwise take a minute; what only an assembly shows is checked after it."""
+    drawn = {"distribution": "uniform", "lower": 0.06, "upper": 0.08}
+    tables = {"format": 1, "name": "new", "mechanism": "c60", "samples": 10, "seed": 1, "variables": {"J1": drawn}}
+    wrong = {
+        "variables.J11": tables | {"variables": {"J11": drawn}},
+        "variables.J1": tables | {"variables": {"J1": drawn | {"lower": -1.0}}},
+        "sample": tables | {"sample": 3},
+    }
+    for key, campaign in wrong.items():
+        with pytest.raises(SpecError) as error:
+            load_campaign(campaign)
+        assert [fault.key for fault in error.value.faults][:1] == [key]
+    done = CliRunner().invoke(app, ["simulate", "c60", "--set", "J11=0.07"])
+    assert isinstance(done.exception, MechanismError)
+    assert compiled == []
+    load_campaign(tables)
     assert compiled[:2] == ["compiled", "checked"]
 
 
