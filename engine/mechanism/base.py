@@ -140,7 +140,7 @@ class TableModel(BaseModel):
     is at most `LARGEST_NUMBER`, and at least ``smallest`` unless it is 0.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
     kind_key: ClassVar[str] = "type"
     smallest: ClassVar[float] = 0.0
