@@ -198,3 +198,29 @@ def test_an_inertia_whose_inverse_overflows_is_refused():
     data = {"fixed": False, "mass": 1.0, "inertia": [0.004, 0.004, 5e-324]}
     with pytest.raises(ValueError, match="not positive definite"):
         Body.model_validate(data)
+
+
+FIRST_IN_THREADS = """
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from engine import MechanismError, load_mechanism, load_mechanism_text
+together = threading.Barrier(8)
+def load(n):
+    together.wait()
+    if n % 2:
+        return hash(load_mechanism("c60").model_dump_json())
+    try:
+        load_mechanism_text("format = 1\\nbodis = 3")
+    except MechanismError as error:
+        return str(error)
+with ThreadPoolExecutor(8) as pool:
+    print(len(set(pool.map(load, range(8)))))
+"""
+
+
+@pytest.mark.processes
+def test_threads_may_be_the_first_to_load():
+    """The models of tables are built when the first mechanism is read, by whichever thread reads it."""
+    for _ in range(3):
+        done = subprocess.run([sys.executable, "-c", FIRST_IN_THREADS], capture_output=True, text=True, check=True)
+        assert done.stdout == "2\n"  # one mechanism, one message
