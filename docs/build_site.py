@@ -101,7 +101,8 @@ def python_reference() -> str:
         lines = [f".. autofunction:: clearcap.{name}"]
         if isinstance(value, type):
             lines = [f".. autoclass:: clearcap.{name}"]
-            own = [key for key, member in vars(value).items() if _is_documented(key, member, value)]
+            shown = set(dir(value))  # as `help()` shows it
+            own = [key for key, member in vars(value).items() if key in shown and _is_documented(key, member, value)]
             lines += ["   :members: " + ", ".join(own)] if own and not issubclass(value, Exception) else []
             lines += ["   :no-index-entry:"] if issubclass(value, Exception) else []
         text += [f"## `{name}`", "", "```{eval-rst}", *lines, "```", ""]

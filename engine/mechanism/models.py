@@ -90,7 +90,7 @@ class _ShortHelp(type(BaseModel)):  # type: ignore[misc]  # a metaclass that pyd
 
 # tomli-w writes each element of an array in a line, also of a point.
 _SHORT_ARRAY = re.compile(r"""\[((?:\n *(?:[-+.\w]+|"[^"\\\n]*"),){1,4})\n *\]""")
-_OWN = (FunctionType, classmethod, staticmethod, property)
+_OWN = (FunctionType, classmethod, staticmethod, property, cached_property)
 
 
 class Mechanism(TableModel, metaclass=_ShortHelp):

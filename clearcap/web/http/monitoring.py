@@ -1,5 +1,6 @@
 """Monitoring: a log line, Prometheus counts and, for a write, an audit entry of each request; service gauges."""
 
+import asyncio
 import collections
 import json
 import logging
@@ -102,6 +103,14 @@ class Record:
             raise
         except ClientDisconnect:  # no bug, and nobody reads the answer
             await Response(status_code=CLIENT_GONE)(scope, receive, send_recorded)
+        except asyncio.CancelledError:  # the server ends, and has waited for this request as long as it waits
+            if begun:
+                raise
+            detail = (
+                "the server ends while it answers; whether this was done shows when it is back: look, or send it again"
+            )
+            # not recorded: that may be what the request has waited for, as on a full disk
+            await problem_response(Refusal(503, detail, headers={"Retry-After": "10"}))(scope, receive, send)
         except Exception:
             if begun:
                 raise

@@ -13,7 +13,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from campaign.coordinator.state import write_state
 from campaign.errors import StoreError
-from clearcap.web.http.monitoring import ServiceGauges, logger, show_requests
+from clearcap.web.http.monitoring import Record, ServiceGauges, logger, show_requests
 from clearcap.web.index import CampaignIndex
 from clearcap.web.jobs.pool import JobPool, Quota
 from clearcap.web.watcher import Watcher
@@ -55,6 +55,30 @@ def test_write_that_cannot_be_audited_is_not_answered_as_done(client, service, a
     assert (answer.status_code, answer.headers["retry-after"]) == (503, "10")
     assert "disk is full" in answer.json()["detail"]
     assert "Traceback" not in shown.getvalue()
+
+
+def test_server_that_ends_says_so_to_whoever_waits():
+    """A request that waits longer than the server does is cancelled: that is no bug of the server."""
+    sent = []
+
+    async def waits(scope, receive, send):
+        await asyncio.Event().wait()
+
+    async def send(message):
+        sent.append(message)
+
+    async def ended():
+        scope = {"type": "http", "method": "POST", "path": "/api/v1/users", "headers": [], "state": {}}
+        request = asyncio.create_task(Record(waits, None, None)(scope, None, send))
+        await asyncio.sleep(0)
+        request.cancel()
+        await request
+
+    asyncio.run(ended())
+    begin, body = sent
+    assert begin["status"] == 503
+    assert (b"retry-after", b"10") in begin["headers"]
+    assert b"the server ends" in body["body"]
 
 
 def test_bug_is_one_line(client, service, shown, monkeypatch):
