@@ -150,7 +150,7 @@ def _checked(
 ) -> Campaign:
     """Return the campaign from the tables of a file; if its content is given, faults state their lines.
 
-    With ``compiles`` the engine is compiled apart from this process, where it is not yet, and nothing else is at fault.
+    With ``compiles`` the engine is compiled, where it is not yet, in a process of its own, if nothing else is at fault.
     """
     raw, faults = read_data_files(raw, files)
     spec = None
@@ -181,14 +181,13 @@ def _checked(
 
 
 def _contradictions(raw: Mapping[str, Any], mechanism: Mechanism, compiles: bool, *, at_fault: bool) -> list[SpecFault]:
-    """Return the first faults of `mechanism_faults`, without those of assembly if only these needed the compiler."""
-    if missing_kernels():
+    """Return the first faults of `mechanism_faults`, of assembly too unless others are found before it ``compiles``."""
+    if compiles and missing_kernels():
         # a misspelt name is told at once, and not after the minute that compiling takes
         found = list(islice(mechanism_faults(raw, mechanism, assembles=False), MOST_FAULTS))
         if at_fault or found:
             return found
-        if compiles:
-            compile_engine()  # all of it, though checks need only a part: a campaign that is loaded is soon to run
+        compile_engine()  # all of it, though checks need only a part: a campaign that is loaded is soon to run
     return list(islice(mechanism_faults(raw, mechanism), MOST_FAULTS))
 
 
