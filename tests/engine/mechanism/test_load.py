@@ -201,26 +201,33 @@ def test_an_inertia_whose_inverse_overflows_is_refused():
 
 
 FIRST_IN_THREADS = """
-import threading
+import sys, threading
 from concurrent.futures import ThreadPoolExecutor
-from engine import MechanismError, load_mechanism, load_mechanism_text
-together = threading.Barrier(8)
-def load(n):
-    together.wait()
-    if n % 2:
-        return hash(load_mechanism("c60").model_dump_json())
-    try:
-        load_mechanism_text("format = 1\\nbodis = 3")
-    except MechanismError as error:
-        return str(error)
-with ThreadPoolExecutor(8) as pool:
-    print(len(set(pool.map(load, range(8)))))
+from pydantic import ValidationError
+from engine.mechanism import Mechanism
+from engine.mechanism.base import TableModel
+
+def below(kind):
+    return [each for child in kind.__subclasses__() for each in (child, *below(child))]
+
+def use(_):
+    for kind in kinds:
+        together.wait(60)
+        try:
+            kind.model_validate({})
+        except ValidationError:
+            pass
+
+sys.setswitchinterval(1e-6)
+kinds, together = below(TableModel), threading.Barrier(16)
+assert Mechanism in kinds
+with ThreadPoolExecutor(16) as pool:
+    list(pool.map(use, range(16)))
 """
 
 
 @pytest.mark.processes
-def test_threads_may_be_the_first_to_load():
-    """The models of tables are built when the first mechanism is read, by whichever thread reads it."""
-    for _ in range(3):
-        done = subprocess.run([sys.executable, "-c", FIRST_IN_THREADS], capture_output=True, text=True, check=True)
-        assert done.stdout == "2\n"  # one mechanism, one message
+def test_threads_may_be_the_first_to_use_a_table():
+    """The model of a table is built when it is first used; with pydantic 2.13 another thread found it half built."""
+    done = subprocess.run([sys.executable, "-c", FIRST_IN_THREADS], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
