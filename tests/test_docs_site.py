@@ -84,6 +84,7 @@ def test_every_option_is_on_a_page():
 
 @pytest.mark.slow
 @pytest.mark.processes
+@pytest.mark.gate
 def test_the_site_builds(tmp_path):
     """No warning, so no link without a target; names, keys and how-tos are found; no code that the policy forbids."""
     site = tmp_path / "site"
