@@ -15,9 +15,9 @@ import logging
 import os
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from functools import update_wrapper
+from functools import cached_property, update_wrapper
 from pathlib import Path
 from typing import Any
 
@@ -101,14 +101,29 @@ if "NUMBA_OPT" not in os.environ:
 
 _RUN_TIME = {"nogil": True, "error_model": "numpy"}
 
-# For kernels that only other kernels call.
-inner: Any = numba.njit(**_RUN_TIME, **INNER_OPTIONS)  # type: ignore[call-overload]
-
-# The same, for large kernels that few mechanisms need: they compile faster if each remains one function.
-not_inlined: Any = numba.njit(**_RUN_TIME, **NOT_INLINED_OPTIONS)  # type: ignore[call-overload]
-
 # For the instrumented copy of the time loop: it contains addresses of clocks, which cannot be kept on disk.
 uncached: Any = numba.njit(**_RUN_TIME, **KERNEL_OPTIONS)  # type: ignore[call-overload]
+
+
+class Callee:
+    """A kernel that only other kernels call.
+
+    Numba gets to know it where one of these is compiled: what it makes of the engine's 400 callees takes a tenth of a
+    short command, which reads machine code from the disk.
+    """
+
+    def __init__(self, function: Callable[..., Any], options: Mapping[str, Any]) -> None:
+        self.py_func, self._options = function, options
+        update_wrapper(self, function)
+
+    @cached_property
+    def compiled(self) -> Any:
+        """The same as Numba knows it."""
+        return numba.njit(**_RUN_TIME, **self._options)(self.py_func)  # type: ignore[call-overload]
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it from Python, as tests do."""
+        return self.compiled(*arguments)
 
 
 class Kernel:
@@ -119,12 +134,17 @@ class Kernel:
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self.py_func = function
-        self.compiled: Any = numba.njit(**_RUN_TIME, **KERNEL_OPTIONS)(function)  # type: ignore[call-overload]
-        keep_on_disk(self.compiled)
-        self.callee = inner(function)
+        self.callee = Callee(function, INNER_OPTIONS)
         self._ready = False
         self._variants: set[object] = set()
         update_wrapper(self, function)
+
+    @cached_property
+    def compiled(self) -> Any:
+        """The same as Numba knows it."""
+        compiled = numba.njit(**_RUN_TIME, **KERNEL_OPTIONS)(self.py_func)  # type: ignore[call-overload]
+        keep_on_disk(compiled)
+        return compiled
 
     @property
     def ready(self) -> bool:
@@ -146,9 +166,24 @@ class Kernel:
         return self.compiled(*arguments)
 
 
+@typeof_impl.register(Callee)
+def _what_kernels_see(callee: Callee, context: Any) -> Any:
+    return typeof_impl(callee.compiled, context)
+
+
 @typeof_impl.register(Kernel)
-def _what_kernels_see(kernel: Kernel, context: Any) -> Any:
+def _what_kernels_see_of_a_kernel(kernel: Kernel, context: Any) -> Any:
     return typeof_impl(kernel.callee, context)
+
+
+def inner(function: Callable[..., Any]) -> Any:
+    """Compile a kernel that only other kernels call; see `Callee`. NUMBA_DISABLE_JIT=1 is heeded as by `kernel`."""
+    return function if numba.config.DISABLE_JIT else Callee(function, INNER_OPTIONS)  # type: ignore[attr-defined]
+
+
+def not_inlined(function: Callable[..., Any]) -> Any:
+    """Do the same for a large kernel that few mechanisms need: it compiles faster if it remains one function."""
+    return function if numba.config.DISABLE_JIT else Callee(function, NOT_INLINED_OPTIONS)  # type: ignore[attr-defined]
 
 
 def kernel(function: Callable[..., Any]) -> Any:

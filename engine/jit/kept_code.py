@@ -70,7 +70,7 @@ def processor() -> tuple[str, str]:
 _loads_alone = KEEPS_CODE and has(ALONE)
 
 if _loads_alone:
-    from numba.core.caching import FunctionCache
+    from numba.core.caching import CompileResultCacheImpl, FunctionCache
     from numba.core.runtime.nrt import rtsys
     from numba.np import linalg
 
@@ -83,8 +83,23 @@ if _loads_alone:
 
     linalg.ensure_blas = ensure_blas
 
+    class Names(CompileResultCacheImpl):  # type: ignore[misc]
+        """What is kept of a kernel: machine code, and of the code for callers, which has none, only a name.
+
+        Numba would keep that, too, and read it with the machine code: it was half of what loading a kernel took.
+        """
+
+        def reduce(self, cres: Any) -> Any:
+            """Return what is written to disk."""
+            (name, kind, code), described, *rest = super().reduce(cres)  # type: ignore[no-untyped-call]
+            if kind == "object":
+                code = code[0], _defines(described.llvm_cpython_wrapper_name)
+            return (name, kind, code), described, *rest
+
     class KernelCache(FunctionCache):  # type: ignore[misc]
         """The code of a kernel in the user's folder, which needs nothing of what Numba loads in order to compile."""
+
+        _impl_class = Names
 
         def load_overload(self, sig: Any, target_context: Any) -> Any:
             """Return the code for a signature; None if there is none, and then Numba loads the rest and compiles."""
@@ -101,6 +116,12 @@ if _loads_alone:
                 )
                 self.flush()  # type: ignore[no-untyped-call]
                 return None
+
+
+def _defines(name: str) -> bytes:
+    """Return code in which a function of that name is defined, and nothing else."""
+    module: Any = binding.parse_assembly(f'define void @"{name}"() {{ ret void }}')  # type: ignore[no-untyped-call]
+    return bytes(module.as_bitcode())
 
 
 @cache

@@ -21,7 +21,8 @@ takes longer, and no bit of a result changes. What clearcap cannot do without en
 | | `numba_array_adaptor` |
 | machine code on disk | `UserProvidedCacheLocator`, `get_suitable_cache_subpath`, `CACHE_LOCATOR_CLASSES` |
 | machine code from disk without Numba's own functions | `load_overload`, `_load_overload`, `cache_path`, `flush`, |
-| | `_guard_against_spurious_io_errors`, `initialize`, `ensure_blas`, `_HAVE_BLAS` |
+| | `_guard_against_spurious_io_errors`, `_impl_class`, `reduce`, `llvm_cpython_wrapper_name`, `initialize`, |
+| | `ensure_blas`, `_HAVE_BLAS` |
 | machine code that came with the package | `_index_key`, `_impl`, `filename_base`, `locator`, `rebuild`, `load`, |
 | | `magic_tuple` |
 | knowing which machine code is on disk | `_cache`, `_cache_file`, `_index_path`, `_load_index` |
@@ -129,6 +130,9 @@ SAVINGS = {
         "numba.core.caching:FunctionCache._guard_against_spurious_io_errors",
         "numba.core.caching:FunctionCache.cache_path",
         "numba.core.caching:FunctionCache.flush",
+        "numba.core.caching:FunctionCache._impl_class",
+        "numba.core.caching:CompileResultCacheImpl.reduce",
+        "numba.core.funcdesc:FunctionDescriptor.llvm_cpython_wrapper_name",
         "numba.core.runtime.nrt:rtsys.initialize",
         "numba.np.linalg:ensure_blas",
     ),

@@ -111,19 +111,21 @@ def test_loaded_code_needs_nothing_of_the_compiler(tmp_path):
     """A kernel is loaded without what Numba compiles with, and without SciPy's algebra; then another compiles."""
     kernels = tmp_path / "kernels.py"
     kernels.write_text(
-        "import numpy as np\nfrom engine.jit import kernel\n"
-        "@kernel\ndef size(x):\n    return np.sum(x)\n"
+        "import numpy as np\nfrom engine.jit import inner, kernel\n"
+        "@inner\ndef added(x):\n    return np.sum(x)\n"
+        "@kernel\ndef size(x):\n    return added(x)\n"
         "@kernel\ndef product(x):\n    return np.dot(x, x)\n"
     )
     code = (
         f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import numpy as np; import kernels;"
         " x = np.array([3.0, 4.0]); print(kernels.size(x), sum(kernels.size.compiled.stats.cache_hits.values()));"
-        " print(sorted({'numba.cpython.listobj', 'numba.typed.typeddict', 'scipy.linalg'} & {*sys.modules}));"
+        " print(sorted({'numba.cpython.listobj', 'numba.typed.typeddict', 'scipy.linalg'} & {*sys.modules}),"
+        " 'compiled' in vars(kernels.added));"
         " print(kernels.product(x))"
     )
     first, second = (run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "cache")) for _ in range(2))
     assert first.stdout.splitlines()[::2] == ["7.0 0", "25.0"], first.stderr
-    assert second.stdout == "7.0 1\n[]\n25.0\n", second.stderr
+    assert second.stdout == "7.0 1\n[] False\n25.0\n", second.stderr
 
 
 def test_a_kernel_is_prepared_once_for_each_variant():

@@ -47,3 +47,13 @@ def test_a_damaged_file_counts_as_missing(suffix, damage, tmp_path, monkeypatch,
     assert index_file(other)[1]
     assert other(2.0) == 4.0
     assert sum(other.stats.cache_hits.values()) == len(caplog.records) == 1
+
+
+def test_code_for_callers_is_not_kept(tmp_path, monkeypatch):
+    """Of the code that callers would link only the name is kept of what Python calls, and the kernel can be called."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    assert kept()(2.0) == 4.0
+    loaded = kept()
+    assert loaded(2.0) == 4.0
+    [result] = loaded.overloads.values()
+    assert [f.name for f in result.library._shared_module.functions] == [result.fndesc.llvm_cpython_wrapper_name]

@@ -4,12 +4,11 @@ import json
 from dataclasses import replace
 
 import pytest
-from numba.core.dispatcher import Dispatcher
 from typer.testing import CliRunner
 
 from clearcap.cli import app
 from engine import load_mechanism
-from engine.jit import Kernel
+from engine.jit import Callee, Kernel
 from engine.kernels import step, time_loop
 from engine.profile import step_times, timed_loop
 from engine.profile.step_times import StepTimes, measure_step_times
@@ -31,7 +30,7 @@ MEASURED = StepTimes(
     max_penetration=0.0,
     max_violation=0.0,
 )
-KERNELS = (Dispatcher, Kernel)
+KERNELS = (Callee, Kernel)
 
 
 def kernels_called_by(dispatcher):
