@@ -15,6 +15,7 @@ import logging
 import os
 import shutil
 import tempfile
+import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import cached_property, update_wrapper
@@ -34,6 +35,7 @@ from numba.extending import typeof_impl  # isort: skip
 _INHERITED = "CLEARCAP_TEMPORARY_CACHE"
 
 _log = logging.getLogger(__name__)
+_making = threading.RLock()
 
 
 def _cache_folder() -> Path:
@@ -119,7 +121,7 @@ class Callee:
     @cached_property
     def compiled(self) -> Any:
         """The same as Numba knows it."""
-        return numba.njit(**_RUN_TIME, **self._options)(self.py_func)  # type: ignore[call-overload]
+        return _made_once(self, self._options)
 
     def __call__(self, *arguments: Any) -> Any:
         """Call it from Python, as tests do."""
@@ -142,9 +144,7 @@ class Kernel:
     @cached_property
     def compiled(self) -> Any:
         """The same as Numba knows it."""
-        compiled = numba.njit(**_RUN_TIME, **KERNEL_OPTIONS)(self.py_func)  # type: ignore[call-overload]
-        keep_on_disk(compiled)
-        return compiled
+        return _made_once(self, KERNEL_OPTIONS, keep_on_disk)
 
     @property
     def ready(self) -> bool:
@@ -164,6 +164,18 @@ class Kernel:
     def __call__(self, *arguments: Any) -> Any:
         """Call the compiled kernel."""
         return self.compiled(*arguments)
+
+
+def _made_once(
+    kernel: Callee | Kernel, options: Mapping[str, Any], then: Callable[[Any], None] = lambda _: None
+) -> Any:
+    """Return what Numba makes of a kernel, the same for all threads: of `cached_property` alone two may make two."""
+    with _making:
+        if "compiled" not in vars(kernel):
+            made = numba.njit(**_RUN_TIME, **options)(kernel.py_func)  # type: ignore[call-overload]
+            then(made)
+            vars(kernel)["compiled"] = made
+        return vars(kernel)["compiled"]
 
 
 @typeof_impl.register(Callee)
