@@ -93,8 +93,8 @@ def _command(samples: int) -> float:
         return command_s("run", "c60", "--samples", str(samples), "--store", store, "--no-report", "--json")
 
 
-def measure_overhead() -> dict[str, Any]:
-    """Return the overhead of a run at a batch size of 50, and the time of `clearcap status` on the rows [s]."""
+def measure_overhead(batch: int = BATCH) -> dict[str, Any]:
+    """Return the overhead of a run at a batch size, and the time of `clearcap status` on the rows [s]."""
     # The runs use the tests' stand-in for the engine, so everything else is measured: drawing, making rows, writing
     # parts, dask, counting. The overhead [us] is the time that a run adds; and the processor time that it adds divided
     # by the number of cores, which depends less on other load on the machine.
@@ -110,14 +110,14 @@ def measure_overhead() -> dict[str, Any]:
     with tempfile.TemporaryDirectory(prefix="clearcap-bench-") as folder:
         for samples in STAND_INS:
             store = open_store(f"{folder}/{samples}")
-            plan = submit(store, load_campaign("c60", samples=samples), BATCH, simulate)
+            plan = submit(store, load_campaign("c60", samples=samples), batch, simulate)
             start, before = perf_counter(), processor_s()
             coordinate(store, plan, Cluster(), simulate=simulate)
             taken[samples], processor[samples] = perf_counter() - start, processor_s() - before
         status = min(command_s("status", "--store", store.url, "--json") for _ in range(3))
     return {
         "workers": cores(),
-        "batch": BATCH,
+        "batch": batch,
         "samples": many,
         "wall_s": taken[many],
         "overhead_us": 1e6 * (taken[many] - taken[few]) / (many - few),
