@@ -1,4 +1,4 @@
-"""Measurements of speed: `python -m benchmarks` takes about six minutes on two cores.
+"""Measurements of speed: `python -m benchmarks` takes about ten minutes on two cores.
 
 Times depend on the machine, so each table also gives them as multiples of a reference measured in the same run: the
 solution of a dense 42 x 42 system by LAPACK (the C-60 has 42 degrees of freedom).

@@ -43,23 +43,23 @@ TREES = {  # bodies, what else is in the model, and positions and velocities at 
     "double_pendulum": (BARS, "", [1.2, -0.8], [0.0, 0.0]),
     "slider_crank": (CRANK, CLOSED, [0.0, 0.0, 0.0], [150.0, -225.0, 0.0]),
 }
-# Mechanisms of Exudyn: of each body mass, moments of inertia, x, y and angle of its centre of mass, velocity in y and
+# Mechanisms of Exudyn: of each body mass, moment of inertia, x, y and angle of its centre of mass, velocity in y and
 # spin; pins between points of two bodies, where 0 is the ground. Bodies on ideal joints are planar.
-ELBOW, GUIDE = (sin(1.2), -cos(1.2)), (0, 0.459, 0.0)
+ELBOW, GUIDE, LENGTHWISE = (sin(1.2), -cos(1.2)), (0, 0.459, 0.0), 1e-5  # m; kg m2 of the link about its length
 PARTS = {
-    "clearance_pendulum": ([(0.1, (3.4e-4, 1e-5, 3.4e-4), 0.1 * sin(0.5), -0.1 * cos(0.5), 0.5, 0.0, 0.0)], []),
+    "clearance_pendulum": ([(0.1, 3.4e-4, 0.1 * sin(0.5), -0.1 * cos(0.5), 0.5, 0.0, 0.0)], []),
     "double_pendulum": (
         [
-            (1.0, (1.0, 1.0, 0.08354166666666665), 0.5 * ELBOW[0], 0.5 * ELBOW[1], 1.2, 0.0, 0.0),
-            (0.7, (1.0, 1.0, 0.03747916666666667), ELBOW[0] + 0.4 * sin(0.4), ELBOW[1] - 0.4 * cos(0.4), 0.4, 0.0, 0.0),
+            (1.0, 0.08354166666666665, 0.5 * ELBOW[0], 0.5 * ELBOW[1], 1.2, 0.0, 0.0),
+            (0.7, 0.03747916666666667, ELBOW[0] + 0.4 * sin(0.4), ELBOW[1] - 0.4 * cos(0.4), 0.4, 0.0, 0.0),
         ],
         [((0, 0.0, 0.0), (1, 0.0, 0.5)), ((1, 0.0, -0.5), (2, 0.0, 0.4))],
     ),
     "slider_crank": (
         [
-            (0.038, (1.0, 1.0, 7.4e-5), 0.0765, 0.0, 0.0, 11.475, 150.0),
-            (0.038, (1.0, 1.0, 5.9e-4), 0.306, 0.0, 0.0, 11.475, -75.0),
-            (0.076, (1.0, 1.0, 2.7e-6), 0.459, 0.0, 0.0, 0.0, 0.0),
+            (0.038, 7.4e-5, 0.0765, 0.0, 0.0, 11.475, 150.0),
+            (0.038, 5.9e-4, 0.306, 0.0, 0.0, 11.475, -75.0),
+            (0.076, 2.7e-6, 0.459, 0.0, 0.0, 0.0, 0.0),
         ],
         [
             ((0, 0.0, 0.0), (1, -0.0765, 0.0)),
@@ -106,7 +106,7 @@ def exudyn(motion, step, every, count, integrator):
     made, planar, rows = [ground], bool(pins), []
     for mass, inertia, x, y, angle, velocity, spin in bodies:
         body = system.CreateRigidBody(
-            inertia=RigidBodyInertia(mass, np.diag(inertia)),
+            inertia=RigidBodyInertia(mass, np.diag([inertia, LENGTHWISE, inertia])),
             nodeType=exu.NodeType.RotationRxyz,
             referencePosition=[x, y, 0.0],
             referenceRotationMatrix=RotationMatrixZ(angle),
