@@ -1,6 +1,7 @@
 """The type of the report's arrays, columns at some rows, what is rounding, ranks, Gauss's points, a random order."""
 
-from collections.abc import Iterable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -10,6 +11,8 @@ Array = NDArray[np.float64]
 
 # The standard error of a share is below 0.002 with this many rows; more rows would not change a printed digit.
 MOST_ROWS = 200_000
+# Values at a time in a pass over millions of them: what is computed of so many stays in the processor's cache.
+PIECE = 16_384
 # A spread below this share of the largest value is rounding error: the values are a constant. A sum over some thousand
 # steps loses about this many of the last bits.
 ROUNDING = 1e-12
@@ -82,7 +85,25 @@ def varies(column: Array) -> bool:
     """Return whether a column varies by more than rounding errors."""
     if column.size < 2:
         return False
-    return float(np.std(column)) > ROUNDING * float(np.abs(column).max())
+    return standard_deviation(column) > ROUNDING * magnitude(column)
+
+
+def sums(x: Array, of: Callable[[Array], tuple[Array, ...]]) -> tuple[float, ...]:
+    """Return the sums of functions of values, of many from pieces: no further column of millions is in memory."""
+    size = PIECE if x.size > MOST_ROWS else max(x.size, 1)
+    found = [[float(np.sum(y)) for y in of(x[first : first + size])] for first in range(0, x.size, size)]
+    return tuple(float(np.sum(each)) for each in zip(*found, strict=True))
+
+
+def standard_deviation(x: Array, ddof: int = 0) -> float:
+    """Return the standard deviation of more than `ddof` values, as `numpy.std` does, but of many from pieces."""
+    mean = sums(x, lambda piece: (piece,))[0] / x.size
+    return math.sqrt(sums(x, lambda piece: (np.square(piece - mean),))[0] / (x.size - ddof))
+
+
+def magnitude(x: Array) -> float:
+    """Return the largest absolute value of at least one."""
+    return max(float(np.max(x)), -float(np.min(x)))
 
 
 @lru_cache(maxsize=8)

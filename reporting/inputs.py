@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import kolmogorov
 
-from reporting.arrays import Array, centred_ranks, random_rows
+from reporting.arrays import Array, centred_ranks, random_rows, standard_deviation, sums
 from reporting.samples import Samples
 from reporting.sensitivity.reject_attribution import largest_distance
 from reporting.shape.histogram import Histogram, histogram
@@ -57,21 +57,25 @@ def analyse_variable(spec: VariableSpec, values: Array, sample: NDArray[np.int64
     The sample numbers, shape (n,), determine the production batch.
     """
     is_finite = np.isfinite(values)
-    finite = values[is_finite]
+    if is_finite.all():
+        finite, numbers = values, sample
+    else:
+        finite, numbers = values[is_finite], sample[is_finite]
     ordered = sorted_sample(finite)
     low = -math.inf if spec.lower is None else spec.lower
     high = math.inf if spec.upper is None else spec.upper
     n = int(finite.size)
-    mean_errors, std_errors = _errors(spec, finite, sample[is_finite])
+    mean_errors, std_errors = _errors(spec, finite, numbers)
     distance = _distance(spec, ordered.values)
     return VariableAnalysis(
         spec=spec,
         n=n,
         mean=float(np.mean(finite)) if n else None,
-        std=float(np.std(finite, ddof=1)) if n > 1 else None,
-        min=float(finite.min()) if n else None,
-        max=float(finite.max()) if n else None,
-        outside=int(np.count_nonzero((finite < low) | (finite > high))) + values.size - n,
+        std=standard_deviation(finite, ddof=1) if n > 1 else None,
+        min=float(ordered.values[0]) if n else None,
+        max=float(ordered.values[-1]) if n else None,
+        outside=values.size - int(np.searchsorted(ordered.values, high, "right"))
+        + int(np.searchsorted(ordered.values, low)),
         histogram=histogram(ordered, *((spec.lower, spec.upper) if low < high else ())),
         mean_errors=mean_errors,
         std_errors=std_errors,
@@ -107,17 +111,22 @@ def _errors(spec: VariableSpec, x: Array, sample: NDArray[np.int64]) -> tuple[fl
     """Return the deviations of mean and sigma from the requested ones in standard errors (of batches, if any)."""
     if spec.std <= 0 or x.size < _FEWEST:
         return None, None
-    deviation, square = x - spec.mean, (x - spec.mean) ** 2 - spec.std**2
+
+    def columns(piece: Array) -> tuple[Array, Array]:
+        deviation = piece - spec.mean
+        return deviation, np.square(deviation) - spec.std**2
+
     if spec.batch:
         _, group = np.unique(sample // spec.batch, return_inverse=True)
-        sizes = np.bincount(group)
-        if sizes.size < _FEWEST:
+        if int(group.max()) + 1 < _FEWEST:
             return None, None
-        columns: list[Array] = [np.bincount(group, weights=column).astype(np.float64) for column in (deviation, square)]
+        of_batches = [np.bincount(group, weights=column).astype(np.float64) for column in columns(x)]
+        totals = [(float(np.sum(column)), float(np.std(column)) * math.sqrt(column.size)) for column in of_batches]
     else:
-        columns = [deviation, square]
-    sums = [(abs(float(np.sum(column))), float(np.std(column)) * math.sqrt(column.size)) for column in columns]
-    mean_errors, std_errors = (total / error if error > 0 else 0.0 for total, error in sums)
+        of_all = sums(x, columns)
+        around = sums(x, lambda piece: tuple(np.square(c - t / x.size) for c, t in zip(columns(piece), of_all)))
+        totals = [(total, math.sqrt(square)) for total, square in zip(of_all, around, strict=True)]
+    mean_errors, std_errors = (abs(total) / error if error > 0 else 0.0 for total, error in totals)
     return mean_errors, std_errors
 
 

@@ -11,7 +11,14 @@ from reporting.arrays import Array, Columns
 from reporting.capability.intervals import Estimate, share_lower_bound
 from reporting.capability.row_order import ControlChart, Convergence, control_chart, convergence
 from reporting.capability.shares import Nonconforming, Share, nonconforming, runs_to_claim
-from reporting.capability.summary import Capability, Historical, TargetIndices, capability, historical, target_indices
+from reporting.capability.summary import (
+    Capability,
+    Historical,
+    TargetIndices,
+    capability_and_values,
+    historical,
+    target_indices,
+)
 from reporting.capability.verdict import CapabilityVerdict, bars_of, verdict
 from reporting.capability.within import SubgroupSigma, subgroup_sigmas
 from reporting.errors import ReportError
@@ -118,16 +125,16 @@ def analyse_response(
     batches = None if samples.production_batch is None else samples.production_batch[samples.ok]
     lots = None if samples.lots is None else samples.lots[samples.ok]
     try:
-        numbers = capability(
+        numbers, given = capability_and_values(
             values, spec.lsl, spec.usl, spec.target, confidence, batches, lots, ordered=request.ordered
         )
     except ReportError as error:
         raise ReportError(f"response {spec.name}: {error}") from error
     finite = np.isfinite(values)
-    x, lots = values if finite.all() else values[finite], None if lots is None else lots[finite]
+    x, lots = given.x, None if lots is None else lots[finite]
     # An ok sample without a finite value may be a reject just as a failed one.
     counted = nonconforming(x, spec.lsl, spec.usl, confidence, samples.sample.size - x.size, lots)
-    ordered = sorted_sample(x)
+    ordered = sorted_sample(x, given.location)
     shape = normality(ordered, confidence, None if numbers.lots is None else numbers.lots.effective)
     limited = spec.lsl is not None or spec.usl is not None
     fits = _fits(ordered, spec)
@@ -160,14 +167,14 @@ def analyse_response(
             unseen=unseen,
         ),
         capability=numbers,
-        target_indices=target_indices(x, spec.lsl, spec.usl, spec.target, confidence, lots),
+        target_indices=target_indices(given, spec.lsl, spec.usl, spec.target, confidence, lots),
         historical=None if spec.historical is None else historical(numbers, *spec.historical),
         subgroups=() if batches is None else subgroup_sigmas(x, batches[finite], spec.lsl, spec.usl),
         missing=numbers.dropped,
         yield_=with_failures,
         histogram=None if numbers.std == 0 else histogram(ordered, spec.lsl, spec.usl),
         worst=None if corners is None else _corners(spec, *corners),
-        stack=_stack(values, inputs, spec, request),
+        stack=_stack(values, ordered, inputs, spec, request),
         nonconforming=counted,
         expected=expected_share(numbers, fits, methods, tails, normal=normal),
         claim_runs=None if counted is None else _runs_to_claim(counted.total, confidence),
@@ -254,12 +261,16 @@ def _corners(spec: ResponseSpec, samples: Samples, request: ReportSpec) -> Worst
     return worst_case(everywhere, inputs, spec.lsl, spec.usl)
 
 
-def _stack(y: Array, inputs: Columns, spec: ResponseSpec, request: ReportSpec) -> LinearStack | None:
+def _stack(
+    y: Array, ordered: SortedSample, inputs: Columns, spec: ResponseSpec, request: ReportSpec
+) -> LinearStack | None:
     """Return worst case and root sum of squares from slopes; None if the samples are not production or too few."""
     if not request.design.production:
         return None
     limits, correlated = (spec.lsl, spec.usl), bool(request.correlations)
-    return linear_stack(y, inputs, request.variables, limits, correlated=correlated, command=request.command)
+    return linear_stack(
+        y, inputs, request.variables, limits, correlated=correlated, command=request.command, ordered=ordered
+    )
 
 
 def _fits(x: SortedSample, spec: ResponseSpec) -> Fits:

@@ -119,9 +119,10 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
     needed += [spec.production_batch_column] if spec.production_batch_column else []
     needed += [spec.subgroup_column] if spec.subgroup_column else []
     needed += IMPORTANCE if spec.proposal else ()
-    columns = {name: _Column(np.float64) for name in needed if name not in CERTIFICATE}
-    sample, status, settled = _Column(np.int64), _Column(np.int16), _Column(np.bool_)
-    struck, ambiguous = _Column(np.int32), _Column(np.bool_)
+    most = spec.requested
+    columns = {name: _Column(np.float64, most) for name in needed if name not in CERTIFICATE}
+    sample, status, settled = _Column(np.int64, most), _Column(np.int16, most), _Column(np.bool_, most)
+    struck, ambiguous = _Column(np.int32, most), _Column(np.bool_, most)
     statuses, lists, messages = dict[str, int](), dict[str, int](), dict[str, dict[int, str]]()
     largest, later = dict.fromkeys((*LIMITED, *SHARES, TURN), Largest()), dict.fromkeys(LATER, False)
     unit, seconds = "", None
@@ -169,17 +170,24 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
     )
 
 
-class _Column:
-    """Numbers that come table by table; what is reserved for further ones is no memory before they come."""
+_GROWTH = 4  # moving numbers to fresh memory takes longer than reading them
 
-    def __init__(self, kind: type[np.generic]) -> None:
-        self._reserved, self._size = np.empty(0, kind), 0
+
+class _Column:
+    """Numbers that come table by table; what is reserved for further ones is no memory before they come.
+
+    `most` numbers are expected at most, so that no more is reserved; if more come, they are stored too.
+    """
+
+    def __init__(self, kind: type[np.generic], most: int) -> None:
+        self._reserved, self._size, self._most = np.empty(0, kind), 0, most
 
     def add(self, values: NDArray[Any]) -> None:
         """Add the numbers of a table."""
         end = self._size + values.size
         if end > self._reserved.size:
-            more = np.empty(max(end, 2 * self._reserved.size), self._reserved.dtype)
+            room = min(_GROWTH * self._reserved.size, max(self._most, 2 * self._reserved.size))
+            more = np.empty(max(end, room), self._reserved.dtype)
             more[: self._size] = self.array
             self._reserved = more
         self._reserved[self._size : end] = values
@@ -312,7 +320,9 @@ def _numbers(table: "pyarrow.Table", name: str) -> Array:
     if name == "sample" and column.null_count:
         raise ReportError(f"column 'sample' has {column.null_count} empty rows; every row needs its number")
     values: Array = column.cast(pyarrow.float64(), safe=False).to_numpy()  # of whole numbers beyond 2^53 the nearest
-    if np.any(np.isfinite(values) & (np.abs(values) > LARGEST)):
+    # Both ends, NaN left out, mostly show it; infinite ones do not.
+    within = values.size and -LARGEST <= np.fmin.reduce(values) and np.fmax.reduce(values) <= LARGEST
+    if not within and np.any(np.isfinite(values) & (np.abs(values) > LARGEST)):
         raise ReportError(f"column {name!r} has values beyond {LARGEST:g}, whose powers overflow; give another unit")
     return values
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betainc, chdtrc, ndtr, ndtri
 
-from reporting.arrays import Array, gauss_legendre
+from reporting.arrays import Array, gauss_legendre, standard_deviation
 from reporting.capability.intervals import Interval, noncentral_t_cdf
 from reporting.capability.lots import FEW_LOTS, Lots, describe_lots, design_effect, independent, variance_components
 from reporting.capability.shares import MOST
@@ -88,7 +88,7 @@ def tolerance_intervals(
     """
     refusal = _refused(x.size, shape)
     if lots is None or independent(lots):
-        mean, std = (float(np.mean(x)), float(np.std(x, ddof=1))) if x.size > 1 else (math.nan, math.nan)
+        mean, std = (float(np.mean(x)), standard_deviation(x, ddof=1)) if x.size > 1 else (math.nan, math.nan)
         worth, note = _Worth(mean, std, x.size, x.size - 1, None), refusal or _basis(x.size, fits)
     else:
         described = describe_lots(x, lots)

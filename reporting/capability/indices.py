@@ -64,12 +64,12 @@ def cpk(mean: float, std: float, lsl: float | None, usl: float | None) -> float:
     return distance_to_limit(mean, lsl, usl) / (3 * std)
 
 
-def cpk_influence(x: Array, index: float, *, lower: bool) -> Array:
-    """Return the influence of each value, shape (n,), on Cpk `index`, for any distribution; `lower`: the nearer limit.
+def cpk_influence(deviation: Array, std: float, index: float, *, lower: bool) -> Array:
+    """Return the influence of values, given by their deviations from the mean, on Cpk `index`, for any distribution.
 
-    The square root of its mean square over n is the standard error of Cpk (Huber, Ronchetti, Robust Statistics, 1.3).
+    `std` is that of all values; `lower`: the nearer limit. The square root of the mean square of the influence over n
+    is the standard error of Cpk (Huber, Ronchetti, Robust Statistics, 1.3).
     """
-    deviation, std = x - x.mean(), float(np.std(x))
     influence: Array = ((1 if lower else -1) * deviation / 3 - index * (deviation**2 - std**2) / (2 * std)) / std
     return influence
 

@@ -33,16 +33,17 @@ import math
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri, ndtri, stdtrit
 
-from reporting.arrays import Array
+from reporting.arrays import Array, standard_deviation, sums
 from reporting.capability.indices import centring, overall_intervals, point_indices
 from reporting.capability.intervals import Interval, bench_slopes, cpm_interval, mean_interval, std_interval
 from reporting.capability.lots import FEW_LOTS, Lots, lots_worth, variance_components
-from reporting.capability.moments import FEWEST_FOR_SHAPE, LIKELY, normal_moments_p, normal_shape_p, sums
+from reporting.capability.moments import FEWEST_FOR_SHAPE, LIKELY, location_and_shape, normal_moments_p, normal_shape_p
 from reporting.format_numbers import part
 
 # Floor of the spread of squares: at its lower bound 0 sigma would be exact, which a few values cannot prove.
@@ -95,6 +96,23 @@ class OwnMoments:
         return Precision(self.mean, std, half, of_std, _correlation(known), self.freedom)
 
 
+@dataclass(frozen=True)
+class Values:
+    """Finite values of a response in their order, shape (n,), with what several methods ask of them."""
+
+    x: Array
+
+    @cached_property
+    def location(self) -> dict[str, float]:
+        """Location, spread and shape."""
+        return location_and_shape(self.x)
+
+    @cached_property
+    def own(self) -> OwnMoments:
+        """Moments of values that differ."""
+        return own_moments(self.x)
+
+
 def own_moments(x: Array) -> OwnMoments:
     """Return the moments of finite values that differ."""
     n, (mean, deviation) = x.size, _deviation(x)
@@ -117,7 +135,7 @@ def running_moments(x: Array, counts: Sequence[int]) -> list[OwnMoments]:
     The first so many values differ.
     """
     # Sums of powers of scores: their origin is near all means, so that no digits are lost between the powers.
-    origin, unit = float(np.mean(x[: counts[0]])), float(np.std(x[: counts[0]]))
+    origin, unit = float(np.mean(x[: counts[0]])), standard_deviation(x[: counts[0]])
     total, found, first = np.zeros(_POWERS + 1), list[OwnMoments](), 0
     for count in counts:
         for at in range(first, count, _PIECE):
@@ -134,11 +152,6 @@ def running_moments(x: Array, counts: Sequence[int]) -> list[OwnMoments]:
         freedom = _freedom(count, fourth - 1, eighth - 4 * sixth + 6 * fourth - 3)
         found.append(OwnMoments(count, origin + unit * raw[1], unit**2 * square, third, fourth, freedom))
     return found
-
-
-def precision_of_values(x: Array, kurtosis: float, confidence: float) -> Precision:
-    """Return the precision of mean and sigma from at least 4 independent values; `kurtosis` is their excess G2."""
-    return own_moments(x).precision(kurtosis, confidence)
 
 
 def precision_of_lots(x: Array, lots: NDArray[np.generic], confidence: float) -> Precision:
@@ -396,39 +409,24 @@ class Fence:
     confidence: float
 
 
-def choose_method(x: Array, kurtosis: float | None, lots: Lots | None) -> Method:
-    """Return the method whose intervals are valid for at least two finite values that are not all equal.
+def choose_method(given: Values, lots: Lots | None) -> Method:
+    """Return the method whose intervals are valid for at least two values that are not all equal.
 
-    `kurtosis` is their excess kurtosis G2, None below four values; `lots` is None for independent values.
+    `lots` is None for independent values.
     """
-    worth = float(x.size) if lots is None else lots.effective
-    _, deviation = _deviation(x)
-    p = 1.0
-    if worth >= FEWEST_FOR_SHAPE:
-        square, third, fourth = (each / x.size for each in sums(x, lambda piece: _powers(deviation(piece))))
-        p = normal_shape_p(third / square**1.5, fourth / square**2, worth)
+    n = given.x.size
+    worth = float(n) if lots is None else lots.effective
+    p = normal_shape_p(given.own.third, given.own.fourth, worth) if worth >= FEWEST_FOR_SHAPE else 1.0
     normal = p >= PROVEN
     if lots is not None:
         return Method(PRODUCTION_LOTS if lots.enough else "", _of_lots(lots), normal)
-    if _by_own_moments(x.size, kurtosis, p):
-
-        def of_squares(piece: Array) -> tuple[Array, Array]:
-            beyond = np.square(np.square(deviation(piece)) - square)
-            return beyond, beyond * beyond
-
-        freedom = _freedom(x.size, *(each / x.size for each in sums(x, of_squares)))
-        return Method(OWN_MOMENTS, _of_moments(x.size, p, freedom), normal)
-    if x.size < FEWEST_FOR_SHAPE:
-        return Method(NORMAL, f"Normal theory: {x.size} values are too few to show another shape.", normal)
-    few = f" Fewer than {_FEW_VALUES} values show only a large departure." if x.size < _FEW_VALUES else ""
+    if _by_own_moments(n, given.location.get("kurtosis"), p):
+        return Method(OWN_MOMENTS, _of_moments(n, p, given.own.freedom), normal)
+    if n < FEWEST_FOR_SHAPE:
+        return Method(NORMAL, f"Normal theory: {n} values are too few to show another shape.", normal)
+    few = f" Fewer than {_FEW_VALUES} values show only a large departure." if n < _FEW_VALUES else ""
     agrees = f"Normal theory: skewness and kurtosis agree with a normal distribution (p = {p:.2g})."
-    return Method(NORMAL, f"{agrees}{few}{_unseen(x.size)}", normal)
-
-
-def _powers(deviation: Array) -> tuple[Array, Array, Array]:
-    """Return second, third and fourth powers."""
-    squares = deviation * deviation
-    return squares, squares * deviation, squares * squares
+    return Method(NORMAL, f"{agrees}{few}{_unseen(n)}", normal)
 
 
 def _by_own_moments(n: int, kurtosis: float | None, p: float) -> bool:
@@ -447,31 +445,29 @@ def precision_of_moments(moments: OwnMoments, confidence: float) -> Precision | 
 
 
 def precision_by(
-    method: Method, x: Array, kurtosis: float | None, lots: NDArray[np.generic] | None, confidence: float
+    method: Method, given: Values, lots: NDArray[np.generic] | None, confidence: float
 ) -> Precision | None:
     """Return the intervals of mean and sigma by a method; None for normal theory and where they are withheld."""
     if method.name == PRODUCTION_LOTS and lots is not None:
-        return precision_of_lots(x, lots, confidence)
-    return precision_of_values(x, kurtosis or 0.0, confidence) if method.name == OWN_MOMENTS else None
+        return precision_of_lots(given.x, lots, confidence)
+    if method.name == OWN_MOMENTS:
+        return given.own.precision(given.location.get("kurtosis", 0.0), confidence)
+    return None
 
 
 def index_intervals(
-    method: Method, x: Array, kurtosis: float | None, fence: Fence, lots: NDArray[np.generic] | None
+    method: Method, given: Values, fence: Fence, lots: NDArray[np.generic] | None
 ) -> dict[str, Interval | None]:
     """Return the intervals of mean, sigma and indices by the names of their fields; empty where they are withheld.
 
-    `method` and `kurtosis` are those of `choose_method`; `lots`, shape (n,), is None for independent values.
+    `method` is that of `choose_method`; `lots`, shape (n,), is None for independent values.
     """
     if method.name == NORMAL:
-        return _normal_theory(x, centred(x)[1], fence)
+        return _normal_theory(given.own, fence)
     # The second fails half as often: `joint_interval` needs both upper ends to be correct.
     confidences = fence.confidence, (1 + fence.confidence) / 2
-    if method.name == OWN_MOMENTS:
-        moments = own_moments(x)
-        precision, wider = (moments.precision(kurtosis or 0.0, confidence) for confidence in confidences)
-    elif method.name == PRODUCTION_LOTS and lots is not None:
-        precision, wider = (precision_of_lots(x, lots, confidence) for confidence in confidences)
-    else:
+    precision, wider = (precision_by(method, given, lots, confidence) for confidence in confidences)
+    if precision is None or wider is None:
         return {}
     return {
         **robust_intervals(precision, fence.lsl, fence.usl, fence.target),
@@ -479,17 +475,17 @@ def index_intervals(
     }
 
 
-def _normal_theory(x: Array, deviation: Array, fence: Fence) -> dict[str, Interval | None]:
-    n, confidence = x.size, fence.confidence
-    mean, std = float(np.mean(x)), float(np.std(deviation, ddof=1))
+def _normal_theory(own: OwnMoments, fence: Fence) -> dict[str, Interval | None]:
+    n, mean, confidence = own.n, own.mean, fence.confidence
+    std = math.sqrt(own.square * n / (n - 1))
     index = point_indices(mean, std, fence.lsl, fence.usl)
     found = overall_intervals(index, centring(mean, fence.lsl, fence.usl), n, confidence)
     found["mean_interval"] = mean_interval(mean, std, n, confidence)
     found["std_interval"] = std_interval(std, n, confidence)
     if fence.lsl is not None and fence.usl is not None and fence.target is not None:
         offset = mean - fence.target
-        around = math.sqrt(float(np.mean(deviation**2)) + offset * offset)
-        cpm, scaled = (fence.usl - fence.lsl) / (6 * around), offset / float(np.std(deviation))
+        around = math.sqrt(own.square + offset * offset)
+        cpm, scaled = (fence.usl - fence.lsl) / (6 * around), offset / math.sqrt(own.square)
         found["cpm_interval"] = cpm_interval(cpm, scaled, n, confidence) if math.isfinite(scaled) else None
     return found
 

@@ -5,11 +5,10 @@ skewness and kurtosis. `scipy.stats.normaltest` gives the same numbers, but take
 """
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
-from reporting.arrays import MOST_ROWS, ROUNDING, Array
+from reporting.arrays import ROUNDING, Array, sums
 
 # With fewer values the test is not valid (D'Agostino, Belanger, D'Agostino 1990).
 FEWEST_FOR_SHAPE = 8
@@ -31,12 +30,6 @@ def location_and_shape(x: Array) -> dict[str, float]:
     if low == high or std <= ROUNDING * max(abs(low), abs(high)):
         return numbers | {"std": 0.0}
     return numbers | {"std": std} | _skewness_and_kurtosis(x, mean, std)
-
-
-def sums(x: Array, of: Callable[[Array], tuple[Array, ...]]) -> tuple[float, ...]:
-    """Return the sums of functions of values, from pieces of them: no further column of millions is in memory."""
-    pieces = (of(x[first : first + MOST_ROWS]) for first in range(0, x.size, MOST_ROWS))
-    return tuple(sum(each) for each in zip(*([float(np.sum(y)) for y in piece] for piece in pieces), strict=True))
 
 
 def _skewness_and_kurtosis(x: Array, mean: float, std: float) -> dict[str, float]:

@@ -20,12 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import bdtrc, chdtrc, ndtr, ndtri, stdtr
 
-from reporting.arrays import MOST_ROWS, ROUNDING, Array, centred_ranks
+from reporting.arrays import MOST_ROWS, ROUNDING, Array, centred_ranks, magnitude, standard_deviation, varies
 from reporting.capability.indices import cpk, cpk_influence
 from reporting.capability.interval_choice import (
     NORMAL,
     Fence,
     OwnMoments,
+    Values,
     choose_method,
     precision_by,
     precision_of_moments,
@@ -33,8 +34,7 @@ from reporting.capability.interval_choice import (
     running_moments,
 )
 from reporting.capability.intervals import cpk_half_width, mean_interval
-from reporting.capability.lots import describe_lots, independent, lot_error
-from reporting.capability.moments import location_and_shape
+from reporting.capability.lots import describe_lots, independent, mean_error
 from reporting.capability.within import LARGEST_FOR_RANGES, c4, d2, d3, sigma_of_std
 from reporting.errors import ReportError
 from reporting.spec import ChartPlan
@@ -290,7 +290,7 @@ def control_chart(
 
     With a plan the chart has its spread, and is compared with random orders of its values.
     """
-    if x.size < _FEWEST_POINTS or float(np.ptp(x)) <= ROUNDING * float(np.max(np.abs(x))):
+    if x.size < _FEWEST_POINTS or float(np.ptp(x)) <= ROUNDING * magnitude(x):
         return None
     asked = plan or ChartPlan()
     x, sizes, left_out, of = _arranged(x, lots, subgroups, chosen=bool(asked.chart))
@@ -320,7 +320,7 @@ def control_chart(
         random = np.random.Generator(np.random.PCG64(x.size)).permuted(np.tile(x, (_ORDERS, 1)), axis=1)
         orders = np.vstack([x, random])
     centre = x.mean()
-    rows = _chart_points(orders - centre, sizes, measure, pooled=of == "means")
+    rows = _chart_points(orders, float(centre), sizes, measure, pooled=of == "means")
     if not rows.sigma[0] > 0:
         return None
     rules = _LIMITS_ALONE if kind == "ewma" else {name: RULES[name] for name in asked.rules}
@@ -368,20 +368,18 @@ def _arranged(
     return x, np.ones(x.size, np.intp), 0, "values"
 
 
-def _chart_points(x: Array, sizes: NDArray[np.intp], measure: str, *, pooled: bool) -> _Points:
-    """Return the points of charts of orders of values, shape (orders, n); the mean of the values is 0."""
+def _chart_points(x: Array, mean: float, sizes: NDArray[np.intp], measure: str, *, pooled: bool) -> _Points:
+    """Return the points of charts of orders of values, shape (orders, n), less the mean of the values."""
     if measure == "i-mr":
+        x = x - mean
         ranges = np.abs(np.diff(x, axis=-1))
         sigma = ranges.mean(axis=-1) / d2(2)
         of_spread, centres, spreads = ranges, np.array([d2(2)]), np.array([d3(2)])
         points = x
     else:
-        starts = np.cumsum(sizes) - sizes
-        points = np.add.reduceat(x, starts, axis=-1) / sizes
-        squares, of_range = (x - np.repeat(points, sizes, axis=-1)) ** 2, measure == "xbar-r"
-        by_sigma = np.sqrt(np.add.reduceat(squares, starts, axis=-1) / np.maximum(sizes - 1, 1))
-        by_range = np.maximum.reduceat(x, starts, axis=-1) - np.minimum.reduceat(x, starts, axis=-1)
-        of_spread = by_range if of_range else by_sigma
+        of_range = measure == "xbar-r"
+        points, squares, by_range = _by_point(x, mean, sizes)
+        of_spread = by_range if of_range else np.sqrt(squares / np.maximum(sizes - 1, 1))
         constants = {n: (d2(n), d3(n)) if of_range else (c4(n), sigma_of_std(n)) for n in set(sizes.tolist())}
         centres, spreads = np.array([constants[int(n)] for n in sizes]).T
         weights = (centres / spreads) ** 2
@@ -395,6 +393,17 @@ def _chart_points(x: Array, sizes: NDArray[np.intp], measure: str, *, pooled: bo
     shape = of_spread.shape
     low, centre, high = (np.broadcast_to(part, shape) for part in (np.maximum(centre - half, 0), centre, centre + half))
     return _Points(scores, sigma, of_spread, centre, low, high)
+
+
+def _by_point(x: Array, mean: float, sizes: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+    """Return of the values of each point their mean, sum of squares around it and range, shape (orders, points)."""
+    found, first = [], 0
+    for size in sizes.tolist():  # one point after the other: no further column of millions is in memory
+        part = x[:, first : first + size] - mean
+        middle, first = part.mean(axis=-1), first + size
+        found.append((middle, np.square(part - middle[:, None]).sum(axis=-1), np.ptp(part, axis=-1)))
+    points, squares, ranges = np.moveaxis(np.array(found), 0, -1)
+    return points, squares, ranges
 
 
 def moving_averages(scores: Array, sizes: NDArray[np.intp], weight: float) -> tuple[Array, Array]:
@@ -465,7 +474,7 @@ def convergence(
 ) -> Convergence | None:
     """Return how the index of finite values in order converges; None below 10, without spread or with too few lots."""
     n = x.size
-    if n < _FIRST or float(np.std(x)) <= ROUNDING * float(np.max(np.abs(x))):
+    if n < _FIRST or not varies(x):
         return None
     lots = None if independent(lots) else lots
     name = "mean" if lsl is None and usl is None else "cpk"
@@ -474,7 +483,7 @@ def convergence(
     counts = np.unique(np.geomspace(_FIRST, n, _POINTS).astype(np.int64)).tolist()
     fence = Fence(lsl, usl, None, confidence)
     few, many = x[:MOST_ROWS], [count for count in counts if count > MOST_ROWS]
-    differ = lots is None and float(np.std(few)) > ROUNDING * float(np.max(np.abs(few)))
+    differ = lots is None and varies(few)
     running = dict(zip(many, running_moments(x, many), strict=True)) if many and differ else {}
     for count in counts:
         if count in running:
@@ -491,15 +500,15 @@ def convergence(
 
 def _point(x: Array, fence: Fence, lots: NDArray[np.generic] | None, name: str) -> tuple[float, float, float] | None:
     """Return an index of the values and its interval; None without spread or with too few lots."""
-    numbers = location_and_shape(x)
-    if numbers["std"] == 0:
+    given = Values(x)
+    mean, std = given.location["mean"], given.location["std"]
+    if std == 0:
         return None
-    mean, std, kurtosis = numbers["mean"], numbers["std"], numbers.get("kurtosis")
     value = mean if name == "mean" else cpk(mean, std, fence.lsl, fence.usl)
-    method = choose_method(x, kurtosis, None if lots is None else describe_lots(x, lots))
+    method = choose_method(given, None if lots is None else describe_lots(x, lots))
     if method.name == NORMAL:
         return value, *_by_normal_theory(value, std, x.size, fence.confidence, name)
-    precision = precision_by(method, x, kurtosis, lots, fence.confidence)
+    precision = precision_by(method, given, lots, fence.confidence)
     interval = (
         None if precision is None else robust_intervals(precision, fence.lsl, fence.usl, None)[f"{name}_interval"]
     )
@@ -552,10 +561,9 @@ def _with_error(
     x: Array, lsl: float | None, usl: float | None, lots: NDArray[np.generic] | None
 ) -> tuple[float, float, float]:
     """Return the index of values, its standard error and the degrees of freedom of the error."""
-    mean, std = float(np.mean(x)), float(np.std(x))
-    weight = np.broadcast_to(1 / x.size, x.shape)
+    mean, std = float(np.mean(x)), standard_deviation(x)
     if std == 0 or (lsl is None and usl is None):
-        return mean, *lot_error(x - mean, weight, lots)
+        return mean, *mean_error(x, lambda piece: piece - mean, lots)
     index = cpk(mean, std, lsl, usl)
     lower = usl is None or (lsl is not None and mean - lsl < usl - mean)
-    return index, *lot_error(cpk_influence(x, index, lower=lower), weight, lots)
+    return index, *mean_error(x, lambda piece: cpk_influence(piece - mean, std, index, lower=lower), lots)

@@ -62,7 +62,7 @@ def nonconforming(
     is_below = None if lsl is None else x < lsl
     is_above = None if usl is None else x > usl
     sides = [side for side in (is_below, is_above) if side is not None]
-    is_out = np.any(sides, axis=0)
+    is_out = sides[0] if len(sides) == 1 else sides[0] | sides[1]
     described = None if lots is None or independent(lots) else describe_lots(x, lots)
 
     def share(is_counted: NDArray[np.bool_] | None, more: int = 0) -> Share | None:

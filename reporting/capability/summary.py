@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
-from reporting.arrays import ROUNDING, Array
+from reporting.arrays import ROUNDING, Array, magnitude, sums
 from reporting.capability.indices import SIX_SIGMA_SHIFT, centring, distance_to_limit, point_indices
-from reporting.capability.interval_choice import Fence, Method, choose_method, index_intervals
+from reporting.capability.interval_choice import Fence, Method, Values, choose_method, index_intervals
 from reporting.capability.intervals import Interval
-from reporting.capability.lots import FEW_LOTS, Lots, describe_lots, independent, lot_error
-from reporting.capability.moments import location_and_shape
+from reporting.capability.lots import FEW_LOTS, Lots, describe_lots, independent, mean_error
 from reporting.capability.row_order import RowOrder, row_order
 from reporting.capability.shares import expected_normal, nonconforming, ppm_of_z
 from reporting.capability.within import Within, within
@@ -187,6 +186,21 @@ def capability(
         each other for doubles; the confidence is not between 0 and 1; the values are not a one-dimensional series of
         numbers; or the number of batches or lots differs from the number of values.
     """
+    return capability_and_values(x, lsl, usl, target, confidence, batches, lots, ordered=ordered)[0]
+
+
+def capability_and_values(
+    x: ArrayLike,
+    lsl: float | None,
+    usl: float | None,
+    target: float | None,
+    confidence: float,
+    batches: ArrayLike | None,
+    lots: ArrayLike | None,
+    *,
+    ordered: bool,
+) -> tuple[Capability, Values]:
+    """Return what `capability` does, and the finite values with what was computed of them."""
     lsl, usl, target = (finite_or_none(*given) for given in (("lsl", lsl), ("usl", usl), ("target", target)))
     confidence = real_number("confidence", confidence)
     check_limits(lsl, usl, confidence)
@@ -194,24 +208,23 @@ def capability(
     groups = production_batches(batches, values.size)
     lot_of = groups if lots is None else production_batches(lots, values.size)
     is_finite = np.isfinite(values)
-    finite = values[is_finite]
+    known = Values(values if is_finite.all() else values[is_finite])
+    finite = known.x
     lot_of = None if lot_of is None or independent(lot_of[is_finite]) else lot_of[is_finite]
     with np.errstate(over="ignore", invalid="ignore"):  # squares may overflow: such results become None
-        location = location_and_shape(finite)
-        mean, std = location.get("mean"), location.get("std")
+        mean, std = known.location.get("mean"), known.location.get("std")
         spread = std if std is not None and math.isfinite(std) and std > 0 else None
         described = None if lot_of is None else describe_lots(finite, lot_of)
         method, intervals = Method("", "", normal=True), dict[str, Interval | None]()
         if spread is not None:
-            method = choose_method(finite, location.get("kurtosis"), described)
-            fence = Fence(lsl, usl, target, confidence)
-            intervals = index_intervals(method, finite, location.get("kurtosis"), fence, lot_of)
+            method = choose_method(known, described)
+            intervals = index_intervals(method, known, Fence(lsl, usl, target, confidence), lot_of)
         order = row_order(finite, lot_of) if ordered and spread is not None else None
         within_batches = None
         if groups is not None and spread is not None:
             within_batches = within(finite, groups[is_finite], lsl, usl, confidence)
         numbers = {
-            **location,
+            **known.location,
             "cc": centring(mean, lsl, usl),
             **_normal_indices(mean, spread, lsl, usl),
             **_cpm(finite, mean, lsl, usl, target),
@@ -221,7 +234,7 @@ def capability(
         z_bench = intervals.get("z_bench_interval")
         if z_bench is not None and method.normal:
             numbers["ppm_expected_interval"] = ppm_of_z(z_bench[1]), ppm_of_z(z_bench[0])
-    return Capability(
+    numbers_of_x = Capability(
         n=int(finite.size),
         dropped=int(values.size - finite.size),
         lsl=lsl,
@@ -241,6 +254,7 @@ def capability(
             *([NO_WITHIN] if groups is not None and spread is not None and within_batches is None else []),
         ),
     )
+    return numbers_of_x, known
 
 
 def why_missing(
@@ -285,8 +299,13 @@ def _cpm(x: Array, mean: float | None, lsl: float | None, usl: float | None, tar
     """Return Cpm with divisor n; it needs both limits, and values that differ from the target."""
     if mean is None or lsl is None or usl is None or target is None or x.size < 2:
         return {}
-    around_target = math.sqrt(float(np.mean((x - target) ** 2)))
+    around_target = _around(x, target)
     return {"cpm": (usl - lsl) / (6 * around_target)} if 0 < around_target < math.inf else {}
+
+
+def _around(x: Array, target: float) -> float:
+    """Return the root mean square of values around a target."""
+    return math.sqrt(sums(x, lambda piece: (np.square(piece - target),))[0] / x.size)
 
 
 def _observed(
@@ -381,7 +400,7 @@ class TargetIndices:
 
 
 def target_indices(
-    x: Array,
+    x: Array | Values,
     lsl: float | None,
     usl: float | None,
     target: float | None,
@@ -392,32 +411,38 @@ def target_indices(
 
     One limit is enough. Without `lots`, shape (n,), all finite values `x` are independent.
     """
+    given = x if isinstance(x, Values) else Values(x)
+    x = given.x
     if target is None or x.size < 2 or (lsl is None and usl is None):
         return None
     room = distance_to_limit(target, lsl, usl)
     with np.errstate(over="ignore", invalid="ignore"):  # squares of values near the largest double overflow
-        mean, tau = float(np.mean(x)), math.sqrt(float(np.mean((x - target) ** 2)))
-    if room <= 0 or not ROUNDING * max(abs(target), float(np.max(np.abs(x)))) < tau < math.inf:
+        mean, tau = float(np.mean(x)), _around(x, target)
+    if room <= 0 or not ROUNDING * max(abs(target), magnitude(x)) < tau < math.inf:
         return None
-    shape = location_and_shape(x)
     cpm_star, cpmk = room / (3 * tau), distance_to_limit(mean, lsl, usl) / (3 * tau)
     of_cpm, of_cpmk = None, None
-    if shape.get("std", 0.0) > 0:
+    if given.location.get("std", 0.0) > 0:
         lots = None if lots is None or independent(lots) else lots
-        kurtosis = shape.get("kurtosis")
         described = None if lots is None else describe_lots(x, lots)
-        method = choose_method(x, kurtosis, described)
+        method = choose_method(given, described)
         around = Fence(target - room, target + room, target, confidence)
-        of_cpm = index_intervals(method, x, kurtosis, around, lots).get("cpm_interval")
+        of_cpm = index_intervals(method, given, around, lots).get("cpm_interval")
         side = 1.0 if usl is None or (lsl is not None and mean - lsl < usl - mean) else -1.0
-        influence = side * (x - mean) / (3 * tau) - cpmk * (((x - target) / tau) ** 2 - 1) / 2
+
+        def influence(piece: Array) -> Array:
+            of_square = np.square((piece - target) / tau) - 1
+            return np.asarray(side * (piece - mean) / (3 * tau) - cpmk * of_square / 2)
+
+        def powers(piece: Array) -> tuple[Array, Array]:
+            square = np.square(influence(piece))
+            return square, np.square(square)
+
         enough = x.size >= FEWEST_FOR_CPMK and (described is None or round(described.worth) >= FEW_LOTS)
         if method.name and enough:
-            error, freedom = lot_error(influence, np.broadcast_to(1 / x.size, x.shape), lots)
-            influence *= influence  # products, because powers above 2 take ten times as long
-            second = float(np.mean(influence))
-            influence *= influence
-            spread = float(np.mean(influence)) / second**2 - 1
+            error, freedom = mean_error(x, influence, lots)
+            second, fourth = (each / x.size for each in sums(x, powers))
+            spread = fourth / second**2 - 1
             known = min(max(2 * x.size / max(spread, _LEAST_SPREAD), _LEAST_FREEDOM), freedom)
             half = float(stdtrit(known, 0.5 + confidence / 2)) * error
             of_cpmk = (cpmk - half, cpmk + half)

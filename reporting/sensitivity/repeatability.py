@@ -22,7 +22,7 @@ import numpy as np
 from scipy.special import chdtri, stdtrit
 
 from reporting.arrays import ROUNDING, Array
-from reporting.capability.interval_choice import precision_of_values
+from reporting.capability.interval_choice import own_moments
 from reporting.capability.intervals import Interval
 from reporting.capability.moments import location_and_shape
 from reporting.capability.summary import capability
@@ -134,7 +134,7 @@ def _ratios(difference: Array, shape: dict[str, float], spread: float, confidenc
     low, high = freedom / float(chdtri(freedom, tail)), freedom / float(chdtri(freedom, 1 - tail))
     if spread == 0.0 or "kurtosis" not in shape:
         return low, high
-    own = precision_of_values(difference, shape["kurtosis"], confidence).std_interval
+    own = own_moments(difference).precision(shape["kurtosis"], confidence).std_interval
     return min(low, (own[0] / spread) ** 2), max(high, (own[1] / spread) ** 2)
 
 

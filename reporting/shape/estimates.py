@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtr
 
-from reporting.arrays import Array
+from reporting.arrays import Array, standard_deviation
 from reporting.capability.intervals import Estimate, Interval, OpenInterval, with_ends
 from reporting.capability.shares import PPM, least_ppm
 from reporting.capability.summary import Capability
@@ -160,7 +160,7 @@ ASSUMES = (
 
 def second_population(x: Array, lsl: float | None, usl: float | None, worth: float) -> SecondPopulation | None:
     """Return the worst second population that values worth so many permit, of 0 ppm if none; None if they are equal."""
-    mean, std = float(np.mean(x)), float(np.std(x))
+    mean, std = float(np.mean(x)), standard_deviation(x)
     if not std > 0 or not math.isfinite(std):
         return None
     low, high = (float(end) for end in ((x.min() - mean) / std, (x.max() - mean) / std))

@@ -17,7 +17,7 @@ from functools import cache, cached_property, lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reporting.arrays import ROUNDING, Array
+from reporting.arrays import PIECE, ROUNDING, Array, standard_deviation, sums
 from reporting.capability.intervals import share_interval
 from reporting.distributions.families import FAMILIES, Family, Scaled, Theta
 from reporting.distributions.forms import ClosedForm, Parameter
@@ -309,7 +309,7 @@ def fit_families(
     if n < 2 or values[-1] - values[0] <= ROUNDING * largest:
         return unfitted("Fewer than two different values, so no distribution is fitted.")
     # The square of a double above 1e154 overflows, a sum of squares earlier.
-    if not largest < 1e150 or not float(np.std(values)) > 0:
+    if not largest < 1e150 or not standard_deviation(values) > 0:
         return unfitted("The values are too large or too small to be squared, so no distribution is fitted.")
     tied = sample.repetition
     found = tied.atoms
@@ -359,10 +359,14 @@ class Fitting:
         ordered, self.smooth = sample.values, sample.spread
         self.few, self.many = bin_sample(self.smooth, SEARCHED), bin_sample(self.smooth, JUDGED)
         self.bootstrap = bootstrap(ordered.size)
-        self.median, self.std = sample.location["median"], float(np.std(ordered))
-        z = (ordered - self.median) / self.std
-        z -= np.mean(z)
-        self.skewness = float(np.mean(z * z * z))
+        self.median, self.std = sample.location["median"], standard_deviation(ordered)
+        mean = sums(ordered, lambda piece: (piece - self.median,))[0] / ordered.size / self.std
+
+        def cubes(piece: Array) -> tuple[Array]:
+            z = (piece - self.median) / self.std - mean
+            return (z * z * z,)
+
+        self.skewness = sums(ordered, cubes)[0] / ordered.size
 
     def fit(self, family: Family) -> Fit | str:
         """Return the fit of a family, or why there is none."""
@@ -437,16 +441,23 @@ class Fitting:
         """Return theta of the families that moments determine, from all values; None for other families."""
         if family.name not in ("normal", "lognormal"):
             return None
-        z = (self.ordered - shift) / scale
-        if family.name == "lognormal":
-            z = np.log(z)
-        return float(np.mean(z)), math.log(float(np.std(z, ddof=1)))
+
+        def scores(piece: Array) -> Array:
+            z = (piece - shift) / scale
+            return np.log(z) if family.name == "lognormal" else z
+
+        n = self.ordered.size
+        mean = sums(self.ordered, lambda piece: (scores(piece),))[0] / n
+        square = sums(self.ordered, lambda piece: (np.square(scores(piece) - mean),))[0] / (n - 1)
+        return mean, math.log(math.sqrt(square))
 
     @cached_property
     def _narrowest(self) -> float:
         """Sigma below which a component of a mixture is a spike."""
         x, among = self.smooth, max(_FEWEST_IN_SPIKE, int(_SPIKE_SHARE * self.smooth.size))
-        return float(np.min(x[among:] - x[:-among])) / 4 if x.size > among else 0.0
+        firsts = range(0, x.size - among, PIECE)
+        ranges = (np.min(x[at + among : at + among + PIECE] - x[at : at + PIECE][: x.size - at - among]) for at in firsts)
+        return float(min(ranges, default=0.0)) / 4
 
     def _spike(self, parameters: dict[str, float]) -> str:
         """Return why the fit describes a few values instead of all; empty if it does not."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import pdtrc
 
-from reporting.arrays import Array
+from reporting.arrays import PIECE, Array
 from reporting.capability.moments import location_and_shape
 from reporting.errors import finite_in_order
 
@@ -27,6 +27,7 @@ _EQUAL = 1e-4
 _RATIO, _CHANCE, _LEAST_SHARE = 2.5, 1e-3, 0.01
 # Number of neighbours on each side.
 _REACH = 2
+_BLOCKS = 16  # of a sample that is binned, at a time
 # A response with fewer different values than this is discrete.
 FEWEST_VALUES = 10
 
@@ -120,10 +121,13 @@ class SortedSample:
     """The finite values of a response in ascending order, shape (n,), with what several methods ask of them."""
 
     values: Array
+    known: dict[str, float] | None = None  # location, where it has been computed
 
     @cached_property
     def location(self) -> dict[str, float]:
         """Location, spread and shape; a number may be infinite or missing."""
+        if self.known is not None:
+            return self.known
         with np.errstate(over="ignore", invalid="ignore"):
             return location_and_shape(self.values)
 
@@ -151,9 +155,12 @@ class SortedSample:
         return np.asarray(np.where(part < 0.5, low + part * step, high - (1 - part) * step))
 
 
-def sorted_sample(x: ArrayLike | SortedSample) -> SortedSample:
-    """Return the finite ones of values in ascending order; ReportError: they are not a series of numbers."""
-    return x if isinstance(x, SortedSample) else SortedSample(finite_in_order(x))
+def sorted_sample(x: ArrayLike | SortedSample, location: dict[str, float] | None = None) -> SortedSample:
+    """Return the finite ones of values in ascending order; ReportError: they are not a series of numbers.
+
+    `location` is that of the values, where it has been computed.
+    """
+    return x if isinstance(x, SortedSample) else SortedSample(finite_in_order(x), location)
 
 
 def ties(ordered: Array) -> Ties:
@@ -161,13 +168,20 @@ def ties(ordered: Array) -> Ties:
     quarter, three_quarters = ordered[[ordered.size // 4, (3 * ordered.size) // 4]]
     # The range between quartiles, because a single distant value would inflate the usual distance.
     usual = float(three_quarters - quarter or ordered[-1] - ordered[0]) / ordered.size
-    first = np.flatnonzero(np.append(True, np.diff(ordered) > _EQUAL * usual))
-    last = np.append(first[1:], ordered.size)
-    middle = first + last  # columns of millions: what is computed takes the place of what is not needed again
-    middle -= 1
-    middle //= 2
-    last -= first
-    return Ties(ordered[middle], last)
+    begins = np.ones(ordered.size, np.bool_)
+    for at in range(1, ordered.size, PIECE):
+        part = ordered[at : at + PIECE]
+        begins[at : at + part.size] = part - ordered[at - 1 : at - 1 + part.size] > _EQUAL * usual
+    first = np.flatnonzero(begins)
+    # Columns of millions: what is computed takes the place of what is not needed again.
+    counts = np.empty_like(first)
+    np.subtract(first[1:], first[:-1], out=counts[:-1])
+    counts[-1] = ordered.size - first[-1]
+    middle = counts - 1
+    middle >>= 1
+    middle += first
+    del first, begins
+    return Ties(ordered[middle], counts)
 
 
 def _neighbours(counts: NDArray[np.int64], at: NDArray[np.intp]) -> Array:
@@ -204,7 +218,11 @@ def bin_sample(ordered: Array, most: int) -> BinnedSample:
     edges = np.linspace(tail, n - tail, most - 2 * tail + 1).astype(np.int64)
     sizes = np.diff(edges).astype(np.float64)
     centre = float(ordered[n // 2])  # sums of differences, so that a large offset costs no digits
-    middle = centre + np.add.reduceat(ordered[: n - tail] - centre, edges[:-1]) / sizes
+    total = np.empty(sizes.size)
+    for at in range(0, sizes.size, _BLOCKS):  # so many at a time: no further column of millions is in memory
+        part = edges[at : at + _BLOCKS + 1]
+        total[at : at + _BLOCKS] = np.add.reduceat(ordered[part[0] : part[-1]] - centre, part[:-1] - part[0])
+    middle = centre + total / sizes
     values = np.concatenate((ordered[:tail], middle, ordered[n - tail :]))
     return BinnedSample(values, np.concatenate((np.ones(tail), sizes, np.ones(tail))), n)
 

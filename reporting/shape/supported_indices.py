@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtri, ndtr, ndtri
 
-from reporting.arrays import Array
+from reporting.arrays import Array, standard_deviation
 from reporting.capability.intervals import Interval, OpenInterval
 from reporting.capability.shares import PPM
 from reporting.distributions.families import FAMILIES
@@ -122,7 +122,7 @@ def supported_indices(
     }
     given = sorted_sample(x)
     ordered, tied = given.values, given.repetition
-    sample, step = bin_sample(given.spread, BINNED), tied.step / float(np.std(ordered))
+    sample, step = bin_sample(given.spread, BINNED), tied.step / standard_deviation(ordered)
     moves = (-tied.step / 2, tied.step / 2) if step > _COARSE else (0.0,)
     limited = {name: end for name, end in (("ppl", lsl), ("ppu", usl)) if end is not None}
     cut = {

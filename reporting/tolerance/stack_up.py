@@ -18,9 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc
 
-from reporting.arrays import ROUNDING, Array, Columns, random_rows
+from reporting.arrays import ROUNDING, Array, Columns, some_of
 from reporting.errors import ReportError
 from reporting.samples import SMALLEST
+from reporting.shape.sorted_sample import SortedSample, sorted_sample
 from reporting.spec import VariableSpec
 
 # The worst case of a plane that explains a smaller share of the variance is not reliable.
@@ -142,16 +143,21 @@ def linear_stack(
     *,
     correlated: bool = False,
     command: Command = lambda _: "",
+    ordered: SortedSample | None = None,
 ) -> LinearStack | None:
-    """Return the stack-up of one response; None if no variable varies or the values are too few for the slopes."""
+    """Return the stack-up of one response; None if no variable varies or the values are too few for the slopes.
+
+    `ordered` are the finite values of the response, if somebody has sorted them.
+    """
     # Columns have the shape (n,); the response is NaN where it has no value. `correlated`: the campaign requests
     # correlations. `command` gives the command that simulates values by variable.
     varying = [v for v in specs if v.std > 0]
     inputs = Columns.of(columns).only(v.name for v in varying)
-    has = np.flatnonzero(np.isfinite(y) if inputs.finite is None else np.isfinite(y) & inputs.finite)
-    if not varying or has.size < max(_LEAST_ROWS, _ROWS_PER_TERM * (len(varying) + 1)):
+    has = np.isfinite(y) if inputs.finite is None else np.isfinite(y) & inputs.finite
+    n = int(np.count_nonzero(has))
+    if not varying or n < max(_LEAST_ROWS, _ROWS_PER_TERM * (len(varying) + 1)):
         return None
-    rows = has[random_rows(has.size)[:_ROWS]]
+    rows = some_of(has)[:_ROWS]
     x = np.column_stack([inputs.take(v.name, rows) for v in varying])
     plane = _plane(y[rows], x)
     ends = np.array([tolerance_of(v) for v in varying])
@@ -161,9 +167,9 @@ def linear_stack(
     half, sigma = _root(steps, together), _root(plane.slopes * np.array([v.std for v in varying]), together)
     shift = float(plane.slopes @ (np.array([v.mean for v in varying]) - ends.mean(axis=1)))
     worst = _around(nominal, float(np.abs(steps).sum()))
-    known = y if has.size == y.size else y[has]
-    sampled = float(known.min()), float(known.max())
-    low, high = np.percentile(known, _CENTRAL)
+    known = ordered if ordered is not None and n == ordered.values.size else sorted_sample(y[has])
+    sampled = float(known.values[0]), float(known.values[-1])
+    low, high = known.quantiles(np.divide(_CENTRAL, 100))
     exceeded = min(sampled[0] - worst[0], worst[1] - sampled[1]) < -ROUNDING * max(map(abs, sampled))
     reliable = plane.shape in (LINEAR, CONSTANT) and not exceeded
     corners = [_corner(specs, varying, ends, sign * plane.slopes) for sign in (-1, 1)]
@@ -183,7 +189,7 @@ def linear_stack(
         correlated=correlated,
         sampled=sampled,
         central=(float(low), float(high)),
-        n=int(has.size),
+        n=n,
         explained=plane.explained,
         explained_curved=plane.explained_curved,
         shape=plane.shape,
