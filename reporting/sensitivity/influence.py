@@ -79,7 +79,8 @@ def measure(
     alone = effects(sums, x, y, group, (ends[0], ends[1]), independent=independent)
     half = jackknife_quantile(sums.rows.size, confidence) * alone.unexplained_error
     asked = (alone.unexplained > half) | (alone.unexplained + half >= CRITICAL_SHARE)
-    totals = {int(r): total_effects(x, y[:, [r]], group) for r in np.flatnonzero(asked)} if independent else {}
+    at = np.flatnonzero(asked).tolist() if independent else []
+    totals = dict(zip(at, total_effects(x, y[:, at], group), strict=False))  # none of many variables
     return Measures(
         variables={name: i for i, name in enumerate(x_names)},
         responses={name: i for i, name in enumerate(y_names)},
@@ -91,7 +92,7 @@ def measure(
         groups=sums.rows.size,
         independent=independent,
         shapley=None if independent else shapley_effects(x, y, group, regression.inflation),
-        totals={r: found for r, found in totals.items() if found is not None},
+        totals=totals,
     )
 
 

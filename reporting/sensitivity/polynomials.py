@@ -42,14 +42,16 @@ class Basis:
 
     def __call__(self, x: Array) -> Array:
         """Return the basis at points of shape (n, k) as an array of shape (n, 1 + k degree)."""
-        t = (x - self.mean) / self.std
-        before, at, below = np.zeros_like(t), np.ones_like(t), np.zeros(t.shape[1])
-        blocks = [np.ones((t.shape[0], 1))]
-        for center, norm in zip(self.center, self.norm, strict=True):
+        # Columns lie one after the other in memory: what is computed of each then runs along it.
+        t = np.ascontiguousarray(x.T)
+        t = (t - self.mean[:, None]) / self.std[:, None]
+        before, at, below = np.zeros_like(t), np.ones_like(t), np.zeros((t.shape[0], 1))
+        blocks = [np.ones((1, t.shape[1]))]
+        for center, norm in zip(self.center[:, :, None], self.norm[:, :, None], strict=True):
             before, at = at, _over((t - center) * at - below * before, norm)
             below = norm
             blocks.append(at)
-        return np.concatenate(blocks, axis=1)
+        return np.concatenate(blocks).T
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,11 @@ class Sums:
     bb: Array  # shape (g, p, p)
     by: Array  # shape (g, p, m)
     yy: Array  # shape (g, m)
+
+    def only(self, response: int) -> "Sums":
+        """Return the sums with one of the responses."""
+        one = slice(response, response + 1)
+        return Sums(self.basis, self.rows, self.bb, self.by[:, :, one], self.yy[:, one])
 
     def without_each(self) -> "Sums":
         """Return the sums over all rows, then over all rows except those of each group, shape (1 + g, ...)."""

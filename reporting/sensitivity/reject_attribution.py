@@ -32,7 +32,7 @@ from scipy.special import expit, kolmogorov, ndtri, stdtrit
 from threadpoolctl import threadpool_limits
 
 from reporting import format_numbers
-from reporting.arrays import Array, Columns, extremes, random_rows, some_of
+from reporting.arrays import Array, Columns, extremes, magnitude, random_rows, some_of
 from reporting.capability.intervals import Interval, welch
 from reporting.errors import ReportError
 from reporting.sensitivity.regression import shapley_values
@@ -247,13 +247,18 @@ def _worths(scores: Array, out: NDArray[np.bool_], p: float) -> tuple[Array, Arr
     fold = np.empty(y.size, np.int64)
     fold[out], fold[~out] = np.arange(rejects) % _FOLDS, np.arange(others) % _FOLDS
     worth, influence = np.zeros(2**k), np.zeros((2**k, y.size))
+    # Terms lie one after the other in memory, so that what is computed of each runs along it.
+    columns = np.vstack([np.ones(y.size), terms.T])
+    left_out = [np.flatnonzero(fold == each) for each in range(_FOLDS)]
+    fitted = [(columns[:, fold != each], y[fold != each]) for each in range(_FOLDS)]
     for subset in range(1, 2**k):
-        own = np.flatnonzero((members & ~subset) == 0)
-        a, penalty = np.column_stack([np.ones(y.size), terms[:, own]]), np.append(1e-6, ridge[own])
-        b, g = np.zeros(own.size + 1), np.empty(y.size)
-        for left_out in range(_FOLDS):
-            b = _log_odds(a[fold != left_out], y[fold != left_out], penalty, b)
-            g[fold == left_out] = expit(a[fold == left_out] @ b - shift)
+        own = np.append(0, 1 + np.flatnonzero((members & ~subset) == 0))
+        a, penalty = columns[own], np.append(1e-6, ridge[own[1:] - 1])
+        b, g = np.zeros(own.size), np.empty(y.size)
+        for rows, (others, of_others) in zip(left_out, fitted, strict=True):
+            b = _log_odds(others[own], of_others, penalty, b)
+            g[rows] = (b @ a)[rows]
+        g = expit(g - shift)
         square = 2 * y * g - g * g
         mean = float(weight @ square)
         worth[subset], influence[subset] = (mean - p * p) / (p - p * p), (square - mean) / (p - p * p)
@@ -261,14 +266,21 @@ def _worths(scores: Array, out: NDArray[np.bool_], p: float) -> tuple[Array, Arr
 
 
 def _log_odds(a: Array, y: Array, penalty: Array, start: Array) -> Array:
-    """Return the coefficients of a logistic regression with a ridge, by Newton's method with bounded steps."""
+    """Return the coefficients of a logistic regression with a ridge, by Newton's method with bounded steps.
+
+    `a` are the p terms of n rows, shape (p, n).
+    """
     b = start.copy()
+    log_odds = b @ a
     for _ in range(_STEPS):
-        expected = expit(a @ b)
+        expected = expit(log_odds)
         spread = expected * (1 - expected) + 1e-6
-        step = np.linalg.solve((a * spread[:, None]).T @ a + np.diag(penalty), a.T @ (y - expected) - penalty * b)
-        size = float(np.max(np.abs(a @ step)))
-        b += step * min(1.0, _LONGEST_STEP / max(size, _SMALL_STEP))
+        step = np.linalg.solve((a * spread) @ a.T + np.diag(penalty), a @ (y - expected) - penalty * b)
+        change = step @ a
+        size = magnitude(change)
+        part = min(1.0, _LONGEST_STEP / max(size, _SMALL_STEP))
+        b += part * step
+        log_odds += part * change
         if size < _SMALL_STEP:
             break
     return b

@@ -10,7 +10,7 @@ standardised coefficient.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -63,7 +63,8 @@ def shapley_effects(x: Array, y: Array, group: NDArray[np.intp], inflation: Arra
     if k > MOST_SHARED:
         return None
     last = 2**k - 1
-    worth, additive = _worths(x, y, group, _LINEAR, range(1, 2**k))
+    smooth = _smooth(x, _LINEAR)
+    worth, additive = _worths(x, y, group, smooth, smooth.sums(x, y, group), range(1, 2**k))
     share = np.moveaxis(shapley_values(worth), 0, 2)
     lost = np.stack([worth[last] - worth[last ^ 1 << i] for i in range(k)], axis=2) * inflation
     return ShapleyEffects(
@@ -86,34 +87,46 @@ class TotalEffects(JointEffects):
     total_error: Array
 
 
-def total_effects(x: Array, y: Array, group: NDArray[np.intp]) -> TotalEffects | None:
-    """Return what independent x, shape (n, k), explain in y, shape (n, m); None above 10 variables."""
+def total_effects(x: Array, y: Array, group: NDArray[np.intp]) -> list[TotalEffects]:
+    """Return what independent x, (n, k), explain in each response of y, (n, m); empty above 10 variables."""
     k = x.shape[1]
-    if k > MOST_SHARED:
-        return None
-    last = 2**k - 1
+    if k > MOST_SHARED or not y.shape[1]:
+        return []
+    last, found = 2**k - 1, []
     without = [last ^ 1 << i for i in range(k)]
-    worth, additive = _worths(x, y, group, _QUADRATIC, [last, *without])
-    total = np.stack([worth[last] - worth[subset] for subset in without], axis=2)
-    return TotalEffects(
-        total=total[0],
-        total_error=jackknife_error(total),
-        interaction=additive[0],
-        interaction_error=jackknife_error(additive),
-        remainder=1 - worth[last, 0],
-        remainder_error=jackknife_error(worth[last]),
-    )
+    smooth = _smooth(x, _QUADRATIC)
+    sums = smooth.sums(x, y, group)  # one pass over the variables for all responses; each has jumps of its own
+    for r in range(y.shape[1]):
+        worth, additive = _worths(x, y[:, [r]], group, smooth, sums.only(r), [last, *without])
+        total = np.stack([worth[last] - worth[subset] for subset in without], axis=2)
+        found.append(
+            TotalEffects(
+                total=total[0],
+                total_error=jackknife_error(total),
+                interaction=additive[0],
+                interaction_error=jackknife_error(additive),
+                remainder=1 - worth[last, 0],
+                remainder_error=jackknife_error(worth[last]),
+            )
+        )
+    return found
 
 
-def _worths(x: Array, y: Array, group: NDArray[np.intp], orders: Orders, subsets: Iterable[int]) -> tuple[Array, Array]:
+def _smooth(x: Array, orders: Orders) -> "_Regression":
+    """Return the regression without jumps."""
+    n, k = x.shape
+    return _Regression(k, min(most_degree(n, k), _MOST_DEGREE), orders)
+
+
+def _worths(
+    x: Array, y: Array, group: NDArray[np.intp], smooth: "_Regression", sums: Sums, subsets: Iterable[int]
+) -> tuple[Array, Array]:
     """Return the share that each of some sets of variables explains, and what no sum of single variables does."""
     # The shapes are (2^k, 1 + g, m), 0 for other sets, and (1 + g, m): of all rows, and of those without each group.
+    # `sums` are those of the smooth regression.
     n, k = x.shape
-    degree = min(most_degree(n, k), _MOST_DEGREE)
-    smooth = _Regression(k, degree, orders)
-    sums = smooth.sums(x, y, group)
     places = _jumps(smooth, sums, x[:MOST_ROWS], y[:MOST_ROWS])
-    regression = _Regression(k, degree, orders, tuple(places))
+    regression = replace(smooth, places=tuple(places))
     if places:
         sums = regression.sums(x, y, group)
     members, candidates = regression.members(), regression.candidates(n)
@@ -147,7 +160,7 @@ class _Regression:
         at = [(1 + i + self.k * (p - 1), 1 + j + self.k * (q - 1)) for i, j, p, q in self._products()]
         products = [values[:, i] * values[:, j] for i, j in at]
         jumps = [(x[:, i] > at).astype(np.float64) for i, at in self.places]
-        return np.column_stack([np.empty((x.shape[0], 0)), *products, *jumps])
+        return np.array([*products, *jumps]).reshape(-1, x.shape[0]).T
 
     def members(self) -> NDArray[np.int64]:
         """Return the set of variables, as bits, of each column."""

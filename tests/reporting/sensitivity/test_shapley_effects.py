@@ -226,8 +226,8 @@ def test_what_acts_in_products_only_is_critical_and_what_does_not_act_is_not():
 def test_total_effects_are_those_of_a_product():
     """``x0 x1 + 0.3 x2``: totals 1 / 1.09, 1 / 1.09 and 0.09 / 1.09; nothing remains."""
     x = normals(np.random.default_rng(1), 20_000)
-    found = total_effects(x, (x[:, 0] * x[:, 1] + 0.3 * x[:, 2])[:, None], groups_of(20_000))
+    (found,) = total_effects(x, (x[:, 0] * x[:, 1] + 0.3 * x[:, 2])[:, None], groups_of(20_000))
     assert found.total[0] == pytest.approx(np.array([1.0, 1.0, 0.09]) / 1.09, abs=0.02)
     assert found.interaction[0] == pytest.approx(1 / 1.09, abs=0.02)
     assert found.remainder[0] == pytest.approx(0.0, abs=1e-9)
-    assert total_effects(np.zeros((9, 11)), np.zeros((9, 1)), groups_of(9)) is None
+    assert total_effects(np.zeros((9, 11)), np.zeros((9, 1)), groups_of(9)) == []
