@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reporting.arrays import Array, Columns, random_rows
+from reporting.arrays import Array, random_rows
 from reporting.capability.intervals import Estimate
 from reporting.capability.verdict import WORST_FIRST, changed_by_failures
 from reporting.comparison import Comparison, compare
@@ -262,10 +262,9 @@ def _sensitivity(samples: Samples, spec: ReportSpec, known: Mapping[str, Known])
     """Return how the variables influence the responses; None without variables, responses or ok samples."""
     if not spec.variables or not spec.responses or not np.any(samples.ok):
         return None
-    columns = Columns(samples.values).where(samples.ok)
     return sensitivity(
-        columns.only(v.name for v in spec.variables),
-        columns.only(r.name for r in spec.responses),
+        samples.of_ok.only(v.name for v in spec.variables),
+        samples.of_ok.only(r.name for r in spec.responses),
         {r.name: (r.lsl, r.usl) for r in spec.responses},
         samples.sample[samples.ok],
         CONFIDENCE,

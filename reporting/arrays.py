@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 MOST_ROWS = 200_000
 # Values at a time in a pass over millions of them: what is computed of so many stays in the processor's cache.
 PIECE = 16_384
+_FEW = 1000  # values that mostly show whether all of them vary
 # A spread below this share of the largest value is rounding error: the values are a constant. A sum over some thousand
 # steps loses about this many of the last bits.
 ROUNDING = 1e-12
@@ -69,23 +70,39 @@ class Columns(Mapping[str, Array]):
     @cached_property
     def finite(self) -> NDArray[np.bool_] | None:
         """Whether all columns are finite at a row, shape (n,); None if they are at every row, or without columns."""
-        known = np.ones(1, bool)
+        known: NDArray[np.bool_] | None = None
         for column in self._columns.values():
-            known = known & np.isfinite(column)
-        known = known if self._rows is None or not self._columns else known[self._rows]
-        return None if known.all() else known
+            of_column = np.isfinite(column)
+            if not of_column.all():
+                known = of_column if known is None else known & of_column
+        known = known if known is None or self._rows is None else known[self._rows]
+        return None if known is None or known.all() else known
 
     @cached_property
     def varying(self) -> "Columns":
         """Return those of the columns that vary."""
-        return self.only([name for name, column in self.items() if varies(column)])
+        first = None if self._rows is None else self._rows[:_FEW]
+        return self.only(
+            [name for name, whole in self._columns.items() if _surely_varies(whole, first) or varies(self[name])]
+        )
 
 
 def varies(column: Array) -> bool:
     """Return whether a column varies by more than rounding errors."""
     if column.size < 2:
         return False
-    return standard_deviation(column) > ROUNDING * magnitude(column)
+    return _surely_varies(column) or standard_deviation(column) > ROUNDING * magnitude(column)
+
+
+def _surely_varies(column: Array, first: NDArray[np.intp] | None = None) -> bool:
+    """Return whether a few of the rows, by default the first ones, already show that a column varies.
+
+    Together with any other rows of the column they have at least a part of their own variance.
+    """
+    few = column[:_FEW] if first is None else column[first]
+    if few.size < 2:
+        return False
+    return float(np.std(few)) * math.sqrt(few.size / column.size) > ROUNDING * magnitude(column)
 
 
 def sums(x: Array, of: Callable[[Array], tuple[Array, ...]]) -> tuple[float, ...]:
@@ -128,8 +145,13 @@ def random_rows(n: int) -> NDArray[np.intp]:
 
 def some_of(rows: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Return the indices of at most 200,000 of the rows for which a mask is True, in random order."""
-    found = np.flatnonzero(rows)
-    return found[random_rows(found.size)]
+    count = int(np.count_nonzero(rows))
+    chosen = random_rows(count)
+    if 8 * (rows.size - count) > rows.size:
+        return np.flatnonzero(rows)[chosen]
+    # Of nearly all rows the numbers need not be written down: those of the few others say how far each is moved.
+    others = np.flatnonzero(~rows)
+    return chosen + np.searchsorted(others - np.arange(others.size), chosen, side="right")
 
 
 def extremes(x: Array, count: int, *, largest: bool) -> NDArray[np.intp]:

@@ -74,7 +74,8 @@ def analyse_variable(spec: VariableSpec, values: Array, sample: NDArray[np.int64
         std=standard_deviation(finite, ddof=1) if n > 1 else None,
         min=float(ordered.values[0]) if n else None,
         max=float(ordered.values[-1]) if n else None,
-        outside=values.size - int(np.searchsorted(ordered.values, high, "right"))
+        outside=values.size
+        - int(np.searchsorted(ordered.values, high, "right"))
         + int(np.searchsorted(ordered.values, low)),
         histogram=histogram(ordered, *((spec.lower, spec.upper) if low < high else ())),
         mean_errors=mean_errors,
@@ -124,7 +125,8 @@ def _errors(spec: VariableSpec, x: Array, sample: NDArray[np.int64]) -> tuple[fl
         totals = [(float(np.sum(column)), float(np.std(column)) * math.sqrt(column.size)) for column in of_batches]
     else:
         of_all = sums(x, columns)
-        around = sums(x, lambda piece: tuple(np.square(c - t / x.size) for c, t in zip(columns(piece), of_all)))
+        means = np.array(of_all)[:, None] / x.size
+        around = sums(x, lambda piece: tuple(np.square(columns(piece) - means)))
         totals = [(total, math.sqrt(square)) for total, square in zip(of_all, around, strict=True)]
     mean_errors, std_errors = (abs(total) / error if error > 0 else 0.0 for total, error in totals)
     return mean_errors, std_errors
@@ -170,7 +172,7 @@ def failed_against_ok(samples: Samples, variables: tuple[VariableSpec, ...]) -> 
     for spec in variables:
         x = samples.values[spec.name]
         failed, ok = x[~samples.ok & np.isfinite(x)], x[samples.ok & np.isfinite(x)]
-        if failed.size and ok.size and float(np.ptp(x[np.isfinite(x)])) > 0:
+        if failed.size and ok.size and max(failed.max(), ok.max()) > min(failed.min(), ok.min()):
             found.append(_compared(spec, failed, ok))
     return tuple(sorted(found, key=lambda each: (-each.distance, each.p)))
 

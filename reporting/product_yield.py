@@ -11,6 +11,7 @@ responses add up to the reject share.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import reduce
 from itertools import combinations
 from types import MappingProxyType
 
@@ -86,10 +87,10 @@ def product_yield(samples: Samples, spec: ReportSpec, confidence: float, unfit: 
     finished = samples.sample.size
     if not limited or finished == 0 or not spec.design.production:
         return None
-    complete = samples.ok & np.all([np.isfinite(samples.values[r.name]) for r in limited], axis=0)
+    complete = reduce(np.logical_and, (np.isfinite(samples.values[r.name]) for r in limited), samples.ok)
     failed = {r.name: _out(r, samples)[complete] for r in limited}
     n = int(np.count_nonzero(complete))
-    rejected = np.any(list(failed.values()), axis=0)
+    rejected = reduce(np.logical_or, failed.values())
     conforming = n - int(np.count_nonzero(rejected))
     inputs = Columns({v.name: samples.values[v.name] for v in spec.variables}).where(complete)
     lots = None if independent(samples.lots) or samples.lots is None else samples.lots[complete]
@@ -126,11 +127,12 @@ def response_losses(
     effect: float = 1.0,
 ) -> tuple[ResponseLoss, ...]:
     """Return the loss of each response from the samples that break its limit, largest first; with design effects."""
-    matrix = np.array(list(failed.values()))
-    broken = np.count_nonzero(matrix, axis=0)
-    rejected, n = int(np.count_nonzero(broken)), broken.size
+    columns = list(failed.values())
+    out, n = np.flatnonzero(reduce(np.logical_or, columns)), columns[0].size
+    among = {name: column[out] for name, column in failed.items()}
+    broken, rejected = np.count_nonzero(list(among.values()), axis=0), out.size
     losses = []
-    for name, column in failed.items():
+    for name, column in among.items():
         weights = 1 / broken[column]
         only = int(np.count_nonzero(broken[column] == 1))
         total = float(np.sum(weights))
@@ -155,17 +157,18 @@ def dependence(failed: dict[str, NDArray[np.bool_]], *, independent_samples: boo
     Failures in samples that another response has already rejected are counted. If responses are independent and rejects
     rare, this count is about Poisson around its expectation; with many rejects it varies less, so this is conservative.
     """
-    matrix = np.array(list(failed.values()))
-    if len(failed) < 2 or matrix.size == 0:
+    columns = list(failed.values())
+    if len(columns) < 2 or columns[0].size == 0:
         return ""
-    failures, rejected = int(np.count_nonzero(matrix)), int(np.count_nonzero(matrix.any(axis=0)))
+    n, counts = columns[0].size, [int(np.count_nonzero(column)) for column in columns]
+    failures, rejected = sum(counts), int(np.count_nonzero(reduce(np.logical_or, columns)))
     if failures == 0:
         return "No response fails, so both are 100 %."
     if not independent_samples:
         return "Samples of a production lot fail together, so the difference does not show whether responses do."
-    rolled = math.prod(1 - matrix.mean(axis=1))
+    rolled = math.prod(1 - count / n for count in counts)
     # Both directions are tested, each with half of the permitted chance.
-    repeated, expected = failures - rejected, max(failures - matrix.shape[1] * (1 - rolled), 0.0)
+    repeated, expected = failures - rejected, max(failures - n * (1 - rolled), 0.0)
     if repeated > 0 and float(pdtrc(repeated - 1, expected)) < _CHANCE / 2:
         return (
             "Responses fail in the same samples more often than independent ones would, so fewer samples are lost than "
@@ -230,12 +233,14 @@ def response_correlations(samples: Samples, spec: ReportSpec, confidence: float)
         return ()
     has = {name: samples.ok & np.isfinite(samples.values[name]) for name in names}
     known = {name: int(np.count_nonzero(mask)) for name, mask in has.items()}
-    whole = {name: centred_ranks(samples.values[name][_some(mask)]) for name, mask in has.items()}
+    of_one = {name: _some(mask) for name, mask in has.items()}
+    whole = {name: centred_ranks(samples.values[name][of_one[name]]) for name in names}
     for both in combinations(names, 2):
         mask = has[both[0]] & has[both[1]]
-        rows, count = _some(mask), int(np.count_nonzero(mask))
+        count = int(np.count_nonzero(mask))
         if count < FEWEST:
             continue
+        rows = of_one[both[0]] if count == known[both[0]] else _some(mask)
         columns = [samples.values[name][rows] for name in both]
         pair = [column - column.mean() for column in columns]
         ranks = [

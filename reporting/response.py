@@ -39,7 +39,7 @@ from reporting.shape.histogram import Histogram, histogram
 from reporting.shape.nonnormal import NonnormalIndices, empirical_indices
 from reporting.shape.normality import PROVEN_P, Normality, ProbabilityPlot, departs, normality, probability_plot
 from reporting.shape.pareto import TailShare, pareto_tails
-from reporting.shape.sorted_sample import SortedSample, sorted_sample
+from reporting.shape.sorted_sample import SortedSample
 from reporting.shape.supported_indices import supported_indices
 from reporting.shape.time_model import TimeModel, time_model
 from reporting.spec import ReportSpec, ResponseSpec
@@ -121,7 +121,7 @@ def analyse_response(
 ) -> ResponseAnalysis:
     """Analyse one response over the ok samples, and over the corners; `further` estimates come from other samples."""
     values = samples.values[spec.name][samples.ok]
-    inputs = Columns({v.name: samples.values[v.name] for v in request.variables}).where(samples.ok)
+    inputs = samples.of_ok.only(v.name for v in request.variables)
     batches = None if samples.production_batch is None else samples.production_batch[samples.ok]
     lots = None if samples.lots is None else samples.lots[samples.ok]
     try:
@@ -134,7 +134,8 @@ def analyse_response(
     x, lots = given.x, None if lots is None else lots[finite]
     # An ok sample without a finite value may be a reject just as a failed one.
     counted = nonconforming(x, spec.lsl, spec.usl, confidence, samples.sample.size - x.size, lots)
-    ordered = sorted_sample(x, given.location)
+    assert given.ordered is not None
+    ordered = SortedSample(given.ordered, given.location)
     shape = normality(ordered, confidence, None if numbers.lots is None else numbers.lots.effective)
     limited = spec.lsl is not None or spec.usl is not None
     fits = _fits(ordered, spec)

@@ -8,15 +8,16 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reporting.arrays import ROUNDING, Array
+from reporting.arrays import ROUNDING, Array, Columns
 from reporting.errors import ReportError
 from reporting.format_numbers import grouped, short_percent
-from reporting.spec import ReportSpec
+from reporting.spec import ReportSpec, ResponseSpec
 
 if TYPE_CHECKING:
     from typing import TypeAlias
@@ -36,6 +37,7 @@ OK = "ok"
 MESSAGES_KEPT = 20  # of each status
 # Values beyond this have powers that are no numbers, and values closer to each other than this have none either.
 LARGEST, SMALLEST = 1e30, 1e-30
+_FEW = 1000  # values that mostly show how far they differ
 
 
 @dataclass(frozen=True)
@@ -91,11 +93,20 @@ class Samples:
         """Group of each sample; groups share no shift with each other. None without production batches."""
         return self.production_batch if self.lot is None else self.lot
 
+    def having(self, status: str) -> NDArray[np.bool_]:
+        """Return whether a row has a status, shape (n,)."""
+        if status not in self.statuses:
+            return np.zeros(self.status.size, np.bool_)
+        return np.asarray(self.status == self.statuses.index(status))
+
     def rows_of(self, status: str) -> NDArray[np.intp]:
         """Return the indices of the rows with a status."""
-        if status not in self.statuses:
-            return np.zeros(0, np.intp)
-        return np.flatnonzero(self.status == self.statuses.index(status))
+        return np.flatnonzero(self.having(status))
+
+    @cached_property
+    def of_ok(self) -> Columns:
+        """Variables and responses of the ok rows."""
+        return Columns(self.values).where(self.ok)
 
     def where(self, rows: NDArray[np.bool_]) -> "Samples":
         """Return the samples for which the mask `rows`, shape (n,), is True."""
@@ -321,7 +332,7 @@ def _numbers(table: "pyarrow.Table", name: str) -> Array:
         raise ReportError(f"column 'sample' has {column.null_count} empty rows; every row needs its number")
     values: Array = column.cast(pyarrow.float64(), safe=False).to_numpy()  # of whole numbers beyond 2^53 the nearest
     # Both ends, NaN left out, mostly show it; infinite ones do not.
-    within = values.size and -LARGEST <= np.fmin.reduce(values) and np.fmax.reduce(values) <= LARGEST
+    within = values.size and np.fmin.reduce(values) >= -LARGEST and np.fmax.reduce(values) <= LARGEST
     if not within and np.any(np.isfinite(values) & (np.abs(values) > LARGEST)):
         raise ReportError(f"column {name!r} has values beyond {LARGEST:g}, whose powers overflow; give another unit")
     return values
@@ -380,6 +391,8 @@ def leveled_samples(samples: Samples, spec: ReportSpec) -> tuple[Samples, dict[s
     values, removed = dict(samples.values), dict[str, float]()
     for response in spec.responses:
         rows = samples.ok & np.isfinite(values[response.name])
+        if _far_from_leveled(values[response.name], rows, response):
+            continue
         x = values[response.name][rows]
         one = leveled(x, response.resolution, response.relative_resolution)
         if one is not x:
@@ -394,12 +407,25 @@ def leveled_samples(samples: Samples, spec: ReportSpec) -> tuple[Samples, dict[s
     return replace(samples, values=values), removed
 
 
+def _far_from_leveled(values: Array, rows: NDArray[np.bool_], response: ResponseSpec) -> bool:
+    """Return whether the first of the rows already differ by more than rounding could."""
+    few = values[:_FEW][rows[:_FEW]]
+    largest = max(float(np.fmax.reduce(values)), -float(np.fmin.reduce(values))) if few.size else math.nan
+    negligible = _negligible(largest, response.resolution, response.relative_resolution)
+    return few.size > 1 and math.isfinite(negligible) and float(np.ptp(few)) > negligible
+
+
+def _negligible(largest: float, resolution: float, relative: float) -> float:
+    """Return the largest difference between values that is rounding."""
+    return max(resolution, max(relative, ROUNDING) * largest, SMALLEST)
+
+
 def leveled(x: Array, resolution: float = 0.0, relative: float = 0.0) -> Array:
     """Return the finite values, or an array of their common value if they differ by resolution or rounding only."""
     if x.size < 2:
         return x
     low, high = float(x.min()), float(x.max())
-    negligible = max(resolution, max(relative, ROUNDING) * max(abs(low), abs(high)), SMALLEST)
+    negligible = _negligible(max(abs(low), abs(high)), resolution, relative)
     if not 0.0 < high - low <= negligible:
         return x
     # Keep only meaningful decimals: 1.0000000000000002 becomes 1, and 3e-15 beside a limit of 1e-3 becomes 0.
@@ -451,11 +477,12 @@ def count_statuses(samples: Samples) -> tuple[StatusCount, ...]:
     """Count the samples of every known status, even if there are none, and of every other status in the rows."""
     counts = []
     for status in [*STATUSES, *sorted(set(samples.statuses) - set(STATUSES))]:
-        rows, meaning = samples.rows_of(status), STATUSES.get(status, "a status this version does not know")
-        share = rows.size / samples.sample.size if samples.sample.size else None
-        example = int(samples.sample[rows[0]]) if status != OK and rows.size > 0 else None
+        rows, meaning = samples.having(status), STATUSES.get(status, "a status this version does not know")
+        count = int(np.count_nonzero(rows))
+        share = count / samples.sample.size if samples.sample.size else None
+        example = int(samples.sample[np.argmax(rows)]) if status != OK and count > 0 else None
         message = "" if example is None else samples.messages.get(example, "")
-        counts.append(StatusCount(status, meaning, int(rows.size), share, example, message))
+        counts.append(StatusCount(status, meaning, count, share, example, message))
     return tuple(counts)
 
 
@@ -474,7 +501,7 @@ def list_failures(spec: ReportSpec, samples: Samples) -> tuple[FailedSample, ...
 
 def counts_by_status(samples: Samples) -> dict[str, int]:
     """Return the number of samples with each status that occurs."""
-    return {status: int(samples.rows_of(status).size) for status in samples.statuses}
+    return {status: int(np.count_nonzero(samples.having(status))) for status in samples.statuses}
 
 
 def judged_counts(counts: Mapping[str, int], limit: float | None) -> dict[str, int]:

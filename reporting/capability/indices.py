@@ -7,8 +7,6 @@ The same functions are used for the overall sigma and the sigma within productio
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from reporting.arrays import Array
 from reporting.capability.intervals import (
     Interval,

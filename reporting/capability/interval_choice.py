@@ -101,11 +101,12 @@ class Values:
     """Finite values of a response in their order, shape (n,), with what several methods ask of them."""
 
     x: Array
+    ordered: Array | None = None  # in ascending order, where somebody has sorted them
 
     @cached_property
     def location(self) -> dict[str, float]:
         """Location, spread and shape."""
-        return location_and_shape(self.x)
+        return location_and_shape(self.x, self.ordered)
 
     @cached_property
     def own(self) -> OwnMoments:

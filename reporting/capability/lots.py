@@ -122,9 +122,7 @@ def lot_error(influence: Array, weight: Array, lots: NDArray[np.generic] | None)
     return error, lots_worth(np.bincount(group, weights=weight)) - 1
 
 
-def mean_error(
-    x: Array, influence: Callable[[Array], Array], lots: NDArray[np.generic] | None
-) -> tuple[float, float]:
+def mean_error(x: Array, influence: Callable[[Array], Array], lots: NDArray[np.generic] | None) -> tuple[float, float]:
     """Return what `lot_error` does, of influences with equal weights, which are a function of the values."""
     if lots is None or independent(lots):
         return math.sqrt(sums(x, lambda piece: (np.square(influence(piece)),))[0]) / x.size, math.inf

@@ -21,7 +21,14 @@ from reporting.capability.lots import FEW_LOTS, Lots, describe_lots, independent
 from reporting.capability.row_order import RowOrder, row_order
 from reporting.capability.shares import expected_normal, nonconforming, ppm_of_z
 from reporting.capability.within import Within, within
-from reporting.errors import check_limits, finite_or_none, production_batches, real_number, series
+from reporting.errors import (
+    check_limits,
+    finite_in_order,
+    finite_or_none,
+    production_batches,
+    real_number,
+    series,
+)
 
 NOT_NORMAL = (
     "Skewness and kurtosis of these values contradict a normal distribution, so the ppm expected of one has no "
@@ -208,8 +215,8 @@ def capability_and_values(
     groups = production_batches(batches, values.size)
     lot_of = groups if lots is None else production_batches(lots, values.size)
     is_finite = np.isfinite(values)
-    known = Values(values if is_finite.all() else values[is_finite])
-    finite = known.x
+    finite = values if is_finite.all() else values[is_finite]
+    known = Values(finite, finite_in_order(finite))
     lot_of = None if lot_of is None or independent(lot_of[is_finite]) else lot_of[is_finite]
     with np.errstate(over="ignore", invalid="ignore"):  # squares may overflow: such results become None
         mean, std = known.location.get("mean"), known.location.get("std")

@@ -90,8 +90,11 @@ def reject_causes(
         count = max(math.ceil(TAIL_SHARE * y.size), FEWEST)
         if y.size < 2 * count:
             return None
-        group, out = TAIL, np.zeros(y.size, np.bool_)
-        out[np.argpartition(_margin(y, lsl, usl), count)[:count]] = True
+        group = TAIL
+        margins = _margin(y, lsl, usl)
+        last = np.partition(margins, count - 1)[count - 1]
+        out = margins < last
+        out[np.flatnonzero(margins == last)[: count - np.count_nonzero(out)]] = True
     outside = int(np.count_nonzero(out))
     if y.size - outside < FEWEST:
         return None
@@ -105,7 +108,7 @@ def reject_causes(
 def _margin(y: Array, lsl: float | None, usl: float | None) -> Array:
     """Return the distance of each value from the nearer limit."""
     margins = [*([] if lsl is None else [y - lsl]), *([] if usl is None else [usl - y])]
-    return np.asarray(np.minimum(margins[0], margins[-1]))
+    return np.asarray(np.minimum(margins[0], margins[-1], out=margins[0]))
 
 
 def worst_samples(
@@ -146,10 +149,12 @@ def _compared(name: str, a: Array, b: Array, confidence: float) -> RejectDiffere
 
 def largest_distance(a: Array, b: Array) -> float:
     """Return the largest distance of two empirical distribution functions."""
-    a, b = np.sort(a), np.sort(b)
-    at = np.concatenate([a, b])
-    below_a, below_b = np.searchsorted(a, at, "right") / a.size, np.searchsorted(b, at, "right") / b.size
-    return float(np.max(np.abs(below_a - below_b)))
+    few, many = (np.sort(x) for x in ((a, b) if a.size < b.size else (b, a)))
+    # Between two of the few one function is constant and the other rises: it is farthest away at one of the ends.
+    return max(
+        float(np.max(np.abs(np.searchsorted(few, few, side) / few.size - np.searchsorted(many, few, side) / many.size)))
+        for side in ("left", "right")
+    )
 
 
 FEWEST_REJECTS = 10
@@ -249,14 +254,14 @@ def _worths(scores: Array, out: NDArray[np.bool_], p: float) -> tuple[Array, Arr
     worth, influence = np.zeros(2**k), np.zeros((2**k, y.size))
     # Terms lie one after the other in memory, so that what is computed of each runs along it.
     columns = np.vstack([np.ones(y.size), terms.T])
-    left_out = [np.flatnonzero(fold == each) for each in range(_FOLDS)]
+    folds = [np.flatnonzero(fold == each) for each in range(_FOLDS)]
     fitted = [(columns[:, fold != each], y[fold != each]) for each in range(_FOLDS)]
     for subset in range(1, 2**k):
         own = np.append(0, 1 + np.flatnonzero((members & ~subset) == 0))
         a, penalty = columns[own], np.append(1e-6, ridge[own[1:] - 1])
         b, g = np.zeros(own.size), np.empty(y.size)
-        for rows, (others, of_others) in zip(left_out, fitted, strict=True):
-            b = _log_odds(others[own], of_others, penalty, b)
+        for rows, (rest, of_rest) in zip(folds, fitted, strict=True):
+            b = _log_odds(rest[own], of_rest, penalty, b)
             g[rows] = (b @ a)[rows]
         g = expit(g - shift)
         square = 2 * y * g - g * g

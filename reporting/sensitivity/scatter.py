@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reporting.arrays import Array, Columns, extremes, random_rows
+from reporting.arrays import Array, Columns, extremes, random_rows, some_of
 from reporting.sensitivity.influence import ResponseSensitivity
 
 STRONGEST = 2
@@ -42,18 +42,18 @@ def scatters(
     found = []
     for variable in list(shares or sorted(columns, key=lambda name: -_correlation(columns[name], values)))[:STRONGEST]:
         known = columns.only([variable]).finite
-        both = np.flatnonzero(np.isfinite(values) if known is None else np.isfinite(values) & known)
-        some = both[np.sort(random_rows(both.size))]
+        both = np.isfinite(values) if known is None else np.isfinite(values) & known
+        some, n = np.sort(some_of(both)), int(np.count_nonzero(both))
         x, y = columns.take(variable, some), values[some]
         if y.size < 2 or np.ptp(x) == 0:
             continue
-        rows = both[_shown(values if both.size == values.size else values[both])]
+        rows = _shown(values) if n == values.size else np.flatnonzero(both)[_shown(values[both])]
         mean_x, mean_y = _means(x, y)
         found.append(
             Scatter(
                 variable,
                 shares.get(variable),
-                int(both.size),
+                n,
                 tuple(columns.take(variable, rows).tolist()),
                 tuple(values[rows].tolist()),
                 _slope(x, y),

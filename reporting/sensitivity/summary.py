@@ -178,7 +178,8 @@ def sensitivity(
     n = _length(inputs, outputs)
     sample = np.arange(n) if sample is None else sample
     complete = np.ones(n, np.bool_) if inputs.finite is None else inputs.finite
-    rows = {name: complete & np.isfinite(column) for name, column in outputs.items()}
+    finite = {name: outputs.only([name]).finite for name in outputs}
+    rows = {name: complete if known is None else complete & known for name, known in finite.items()}
     done: dict[str, ResponseSensitivity] = {}
     # Responses with values in the same rows share one pass over them.
     for names in _same_rows(rows):

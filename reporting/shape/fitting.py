@@ -455,9 +455,9 @@ class Fitting:
     def _narrowest(self) -> float:
         """Sigma below which a component of a mixture is a spike."""
         x, among = self.smooth, max(_FEWEST_IN_SPIKE, int(_SPIKE_SHARE * self.smooth.size))
-        firsts = range(0, x.size - among, PIECE)
-        ranges = (np.min(x[at + among : at + among + PIECE] - x[at : at + PIECE][: x.size - at - among]) for at in firsts)
-        return float(min(ranges, default=0.0)) / 4
+        ends = [x[at : at + PIECE] for at in range(among, x.size, PIECE)]
+        ranges = [float(np.min(end - x[k * PIECE : k * PIECE + end.size])) for k, end in enumerate(ends)]
+        return min(ranges, default=0.0) / 4
 
     def _spike(self, parameters: dict[str, float]) -> str:
         """Return why the fit describes a few values instead of all; empty if it does not."""

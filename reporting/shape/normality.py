@@ -110,15 +110,12 @@ def normality(x: ArrayLike | SortedSample, confidence: float = 0.95, worth: floa
     n, std = int(ordered.size), shape.get("std", 0.0)
     if not 0 < std < math.inf or n < 3:
         return Normality(n)
-    with np.errstate(over="ignore", invalid="ignore"):
-        z = ordered - shape["mean"]
-        z /= std
     w = p = None
     if n <= _MOST_FOR_SHAPIRO:  # above, Royston's (1995) approximation is not valid
         from scipy.stats import shapiro  # takes 1 s to import, which `import reporting` avoids
 
-        w, p = map(float, shapiro(z))
-    sample = bin_sample(z, _JUDGED)
+        w, p = map(float, shapiro((ordered - shape["mean"]) / std))
+    sample = bin_sample(ordered, _JUDGED, shape["mean"], std)
     cdf = ndtr(sample.values)
     far = distance(sample, cdf)
     # With Massart's constant the band holds for every n and every distribution.

@@ -86,11 +86,11 @@ class Ties:
             return 0.0
         return float(np.median(np.diff(self.values)))
 
-    def spread(self) -> Array:
-        """Return the values; equal ones are spread evenly over the range that rounds to them."""
-        if self.values.size == self.counts.sum():
-            return self.values
-        last, every = self.values.size - 1, np.repeat(self.values, self.counts)
+    def spread(self, ordered: Array) -> Array:
+        """Return the values as they were given; equal ones are spread evenly over the range that rounds to them."""
+        if self.values.size == ordered.size:
+            return ordered
+        last, every = self.values.size - 1, ordered.copy()
         several = np.flatnonzero(self.counts > 1)
         count = self.counts[several]
         first = several + np.cumsum(count - 1) - (count - 1)
@@ -102,7 +102,8 @@ class Ties:
         half = np.minimum(*gaps)
         place = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         across = (2 * place + 1) / np.repeat(count, count) - 1
-        every[np.repeat(first, count) + place] += across * np.repeat(half, count)
+        alike = np.repeat(self.values[several], count)
+        every[np.repeat(first, count) + place] = alike + across * np.repeat(half, count)
         return every
 
 
@@ -129,7 +130,7 @@ class SortedSample:
         if self.known is not None:
             return self.known
         with np.errstate(over="ignore", invalid="ignore"):
-            return location_and_shape(self.values)
+            return location_and_shape(self.values, self.values)
 
     @property
     def repetition(self) -> "Repetition":
@@ -144,7 +145,7 @@ class SortedSample:
     @cached_property
     def _repeated(self) -> "tuple[Repetition, Array]":
         tied = ties(self.values)
-        return Repetition(tied.values.size, tied.discrete, tied.step, tied.atoms()), tied.spread()
+        return Repetition(tied.values.size, tied.discrete, tied.step, tied.atoms()), tied.spread(self.values)
 
     def quantiles(self, shares: ArrayLike) -> Array:
         """Return the quantiles that `numpy.quantile` interpolates."""
@@ -155,12 +156,9 @@ class SortedSample:
         return np.asarray(np.where(part < 0.5, low + part * step, high - (1 - part) * step))
 
 
-def sorted_sample(x: ArrayLike | SortedSample, location: dict[str, float] | None = None) -> SortedSample:
-    """Return the finite ones of values in ascending order; ReportError: they are not a series of numbers.
-
-    `location` is that of the values, where it has been computed.
-    """
-    return x if isinstance(x, SortedSample) else SortedSample(finite_in_order(x), location)
+def sorted_sample(x: ArrayLike | SortedSample) -> SortedSample:
+    """Return the finite ones of values in ascending order; ReportError: they are not a series of numbers."""
+    return x if isinstance(x, SortedSample) else SortedSample(finite_in_order(x))
 
 
 def ties(ordered: Array) -> Ties:
@@ -172,16 +170,15 @@ def ties(ordered: Array) -> Ties:
     for at in range(1, ordered.size, PIECE):
         part = ordered[at : at + PIECE]
         begins[at : at + part.size] = part - ordered[at - 1 : at - 1 + part.size] > _EQUAL * usual
-    first = np.flatnonzero(begins)
-    # Columns of millions: what is computed takes the place of what is not needed again.
-    counts = np.empty_like(first)
-    np.subtract(first[1:], first[:-1], out=counts[:-1])
-    counts[-1] = ordered.size - first[-1]
-    middle = counts - 1
-    middle >>= 1
-    middle += first
-    del first, begins
-    return Ties(ordered[middle], counts)
+    # Of columns of millions the few that repeat are described, not all that do not.
+    again = np.flatnonzero(~begins)
+    firsts = np.flatnonzero(begins[again - 1])  # of the runs of these
+    first, more = again[firsts] - 1, np.diff(firsts, append=again.size)
+    counts = np.ones(ordered.size - again.size, np.int64)
+    counts[first - firsts] += more
+    begins[first] = False
+    begins[first + more // 2] = True  # the middle one stands for all that are equal
+    return Ties(ordered[begins], counts)
 
 
 def _neighbours(counts: NDArray[np.int64], at: NDArray[np.intp]) -> Array:
@@ -209,21 +206,29 @@ class BinnedSample:
         return BinnedSample((self.values - shift) / scale, self.weights, self.n)
 
 
-def bin_sample(ordered: Array, most: int) -> BinnedSample:
-    """Return ascending values as at most `most` weighted ones (a multiple of 4); a quarter are extremes at each end."""
+def bin_sample(ordered: Array, most: int, shift: float = 0.0, scale: float = 1.0) -> BinnedSample:
+    """Return ascending values as at most `most` weighted ones (a multiple of 4); a quarter are extremes at each end.
+
+    They are the values of ``(x - shift) / scale``.
+    """
+
+    def scaled(part: Array) -> Array:
+        return part if (shift, scale) == (0.0, 1.0) else (part - shift) / scale
+
     n = int(ordered.size)
     if n <= most:
-        return BinnedSample(ordered, np.ones(n), n)
+        return BinnedSample(scaled(ordered), np.ones(n), n)
     tail = most // 4
     edges = np.linspace(tail, n - tail, most - 2 * tail + 1).astype(np.int64)
     sizes = np.diff(edges).astype(np.float64)
-    centre = float(ordered[n // 2])  # sums of differences, so that a large offset costs no digits
+    # Sums of differences from a middle one, so that a large offset costs no digits.
+    centre = float(scaled(ordered[n // 2 : n // 2 + 1])[0])
     total = np.empty(sizes.size)
     for at in range(0, sizes.size, _BLOCKS):  # so many at a time: no further column of millions is in memory
         part = edges[at : at + _BLOCKS + 1]
-        total[at : at + _BLOCKS] = np.add.reduceat(ordered[part[0] : part[-1]] - centre, part[:-1] - part[0])
+        total[at : at + _BLOCKS] = np.add.reduceat(scaled(ordered[part[0] : part[-1]]) - centre, part[:-1] - part[0])
     middle = centre + total / sizes
-    values = np.concatenate((ordered[:tail], middle, ordered[n - tail :]))
+    values = np.concatenate((scaled(ordered[:tail]), middle, scaled(ordered[n - tail :])))
     return BinnedSample(values, np.concatenate((np.ones(tail), sizes, np.ones(tail))), n)
 
 
