@@ -14,6 +14,7 @@ from campaign.plan import Plan
 from campaign.spec.campaign_file import Response
 from campaign.store import Store
 from engine.arrays import Array
+from reporting.arrays import GrowingColumn
 from reporting.samples import whole_lots
 
 if TYPE_CHECKING:
@@ -44,19 +45,19 @@ def independent_samples(store: Store, plan: Plan) -> SampleColumns:
 
 def samples_in(plan: Plan, tables: "Iterable[pa.Table]") -> SampleColumns:
     """Return the independent samples in tables of `columns_read`, without those not assemblable that a limit judges."""
-    pieces: dict[str, list[Array]] = {name: [np.empty(0)] for name in column_names(plan)}
-    samples = [np.empty(0, np.int64)]
+    most = sum(count for _, count in plan.batches)
+    pieces = {name: GrowingColumn(np.float64, most) for name in column_names(plan)}
+    samples = GrowingColumn(np.int64, most)
     for table in tables:
         numbers = table["sample"].to_numpy()
         rows = sampler_named(plan.spec.sampler).independent(plan.spec, numbers)
         if plan.judges_unfit:
             rows = rows & (table["status"].to_numpy(zero_copy_only=False) != FailedStatus.NOT_ASSEMBLABLE)
         chosen = slice(None) if rows.all() else rows  # usually all rows, which need no copy
-        samples.append(numbers[chosen])
-        for name, columns in pieces.items():
-            columns.append(table[name].to_numpy()[chosen])
-    names = list(pieces)
-    return SampleColumns(np.concatenate(samples), {name: np.concatenate(pieces.pop(name)) for name in names})
+        samples.add(numbers[chosen])
+        for name, column in pieces.items():
+            column.add(table[name].to_numpy()[chosen])
+    return SampleColumns(samples.array, {name: column.array for name, column in pieces.items()})
 
 
 def no_samples(plan: Plan) -> CampaignError:

@@ -285,7 +285,11 @@ def _advice(
     columns = {v.name: samples.values[v.name] for v in spec.variables}
     varied = [v.name for v in spec.variables if v.std > 0]
     limits = {r.spec.name: (r.spec.lsl, r.spec.usl) for r in responses if (r.spec.lsl, r.spec.usl) != (None, None)}
-    values = {name: np.where(samples.ok, samples.values[name], np.nan) for name in limits}
+    # A run that failed has no values: usually their columns need no copy.
+    without = not any(np.isfinite(samples.values[name][~samples.ok]).any() for name in limits)
+    values = {name: samples.values[name] for name in limits}
+    if not without:
+        values = {name: np.where(samples.ok, column, np.nan) for name, column in values.items()}
     emulation = None
     if spreads.drawn is not None and samples.lots is None:  # lots share a shift: few, however many are emulated
         n = samples.sample.size

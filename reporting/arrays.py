@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -107,8 +108,7 @@ def _surely_varies(column: Array, first: NDArray[np.intp] | None = None) -> bool
 
 def sums(x: Array, of: Callable[[Array], tuple[Array, ...]]) -> tuple[float, ...]:
     """Return the sums of functions of values, of many from pieces: no further column of millions is in memory."""
-    size = PIECE if x.size > MOST_ROWS else max(x.size, 1)
-    found = [[float(np.sum(y)) for y in of(x[first : first + size])] for first in range(0, x.size, size)]
+    found = [[float(np.sum(y)) for y in of(x[rows])] for rows in pieces(x.size)]
     return tuple(float(np.sum(each)) for each in zip(*found, strict=True))
 
 
@@ -121,6 +121,42 @@ def standard_deviation(x: Array, ddof: int = 0) -> float:
 def magnitude(x: Array) -> float:
     """Return the largest absolute value of at least one."""
     return max(float(np.max(x)), -float(np.min(x)))
+
+
+_GROWTH = 4  # moving numbers to fresh memory takes longer than reading them
+
+
+class GrowingColumn:
+    """Numbers that come table by table; what is reserved for further ones is no memory before they come.
+
+    `most` numbers are expected at most, so that no more is reserved; if more come, they are stored too.
+    """
+
+    def __init__(self, kind: type[np.generic], most: int) -> None:
+        self._reserved, self._size, self._most = np.empty(0, kind), 0, most
+
+    def add(self, values: NDArray[Any]) -> None:
+        """Add the numbers of a table."""
+        end = self._size + values.size
+        if end > self._reserved.size:
+            room = min(_GROWTH * self._reserved.size, max(self._most, 2 * self._reserved.size))
+            more = np.empty(max(end, room), self._reserved.dtype)
+            more[: self._size] = self.array
+            self._reserved = more
+        self._reserved[self._size : end] = values
+        self._size = end
+
+    @property
+    def array(self) -> NDArray[Any]:
+        """All numbers."""
+        return self._reserved[: self._size]
+
+
+def pieces(n: int) -> Iterator[slice]:
+    """Yield the rows of a pass over n of them: all, or of many so few at a time that they stay in the cache."""
+    size = PIECE if n > MOST_ROWS else max(n, 1)
+    for first in range(0, n, size):
+        yield slice(first, first + size)
 
 
 @lru_cache(maxsize=8)

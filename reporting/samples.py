@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reporting.arrays import ROUNDING, Array, Columns
+from reporting.arrays import ROUNDING, Array, Columns, GrowingColumn
 from reporting.errors import ReportError
 from reporting.format_numbers import grouped, short_percent
 from reporting.spec import ReportSpec, ResponseSpec
@@ -131,9 +131,13 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
     needed += [spec.subgroup_column] if spec.subgroup_column else []
     needed += IMPORTANCE if spec.proposal else ()
     most = spec.requested
-    columns = {name: _Column(np.float64, most) for name in needed if name not in CERTIFICATE}
-    sample, status, settled = _Column(np.int64, most), _Column(np.int16, most), _Column(np.bool_, most)
-    struck, ambiguous = _Column(np.int32, most), _Column(np.bool_, most)
+    columns = {name: GrowingColumn(np.float64, most) for name in needed if name not in CERTIFICATE}
+    sample, status, settled = (
+        GrowingColumn(np.int64, most),
+        GrowingColumn(np.int16, most),
+        GrowingColumn(np.bool_, most),
+    )
+    struck, ambiguous = GrowingColumn(np.int32, most), GrowingColumn(np.bool_, most)
     statuses, lists, messages = dict[str, int](), dict[str, int](), dict[str, dict[int, str]]()
     largest, later = dict.fromkeys((*LIMITED, *SHARES, TURN), Largest()), dict.fromkeys(LATER, False)
     unit, seconds = "", None
@@ -179,35 +183,6 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
         at_impact=_marked(struck.array, lists) if remarked else {},
         ambiguous=ambiguous.array if remarked and sample.array.size else None,
     )
-
-
-_GROWTH = 4  # moving numbers to fresh memory takes longer than reading them
-
-
-class _Column:
-    """Numbers that come table by table; what is reserved for further ones is no memory before they come.
-
-    `most` numbers are expected at most, so that no more is reserved; if more come, they are stored too.
-    """
-
-    def __init__(self, kind: type[np.generic], most: int) -> None:
-        self._reserved, self._size, self._most = np.empty(0, kind), 0, most
-
-    def add(self, values: NDArray[Any]) -> None:
-        """Add the numbers of a table."""
-        end = self._size + values.size
-        if end > self._reserved.size:
-            room = min(_GROWTH * self._reserved.size, max(self._most, 2 * self._reserved.size))
-            more = np.empty(max(end, room), self._reserved.dtype)
-            more[: self._size] = self.array
-            self._reserved = more
-        self._reserved[self._size : end] = values
-        self._size = end
-
-    @property
-    def array(self) -> NDArray[Any]:
-        """All numbers."""
-        return self._reserved[: self._size]
 
 
 def _certificates(table: "pyarrow.Table", later: dict[str, bool]) -> "Iterator[tuple[str, Array]]":

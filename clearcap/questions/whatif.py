@@ -30,6 +30,7 @@ from engine.arrays import Array
 from engine.mechanism.faults import did_you_mean
 from engine.platform.toml_file import UnfitToml, parse_toml
 from reporting import ReportError, capability
+from reporting.arrays import pieces
 from reporting.capability.shares import PPM, least_ppm
 from reporting.emulation.emulated_what_if import NEW_SAMPLES, emulated_what_if
 from reporting.format_numbers import ppm
@@ -377,12 +378,14 @@ def change_distributions(spec: CampaignSpec, new: Mapping[str, Distribution], co
     ratio, inside = np.zeros(n), 1.0
     for name, distribution in new.items():
         old = spec.variables[name]
-        ratio += distribution.logpdf(columns[name]) - old.logpdf(columns[name])
+        for rows in pieces(n):
+            ratio[rows] += distribution.logpdf(columns[name][rows]) - old.logpdf(columns[name][rows])
         inside *= 1.0 - _outside(distribution, *old.support())
     if any(name in pair for name in new for pair in spec.correlations or ()):
         ratio += _copula({**spec.variables, **new}, spec, columns) - _copula(spec.variables, spec, columns)
     worth = samples_worth([(spec.variables[name], distribution) for name, distribution in new.items()])
-    return Change(np.where(np.isnan(ratio), -np.inf, ratio), max(1.0 - inside, 0.0), worth=worth)
+    ratio[np.isnan(ratio)] = -np.inf
+    return Change(ratio, max(1.0 - inside, 0.0), worth=worth)
 
 
 def _outside(new: Distribution, low: float, high: float) -> float:

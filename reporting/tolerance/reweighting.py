@@ -19,13 +19,14 @@ of Hall (1992).
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import betaincinv, stdtrit
 
-from reporting.arrays import Array
+from reporting.arrays import Array, pieces, sums
 from reporting.capability.intervals import Interval
 from reporting.errors import ReportError
 from reporting.shape import pareto
@@ -47,33 +48,47 @@ def by_lot(terms: Array, lots: LotLabels | None) -> Array:
     return np.asarray(np.bincount(group, weights=terms), np.float64)
 
 
-def variance_of_sum(terms: Array) -> float:
+@dataclass(frozen=True)
+class Contributions:
+    """Sums over the contributions of each independent sample, or lot, to the error of an estimate."""
+
+    count: int
+    squares: float
+    most: float  # the one with the largest size, as are the powers in units of the root of `squares`
+    third: float
+    fourth: float
+
+
+def contributions(count: int, terms: Callable[[slice], Array]) -> Contributions:
+    """Return the sums over so many terms, which are weight times influence function, given by a range of rows."""
+    squares = sum(float(np.sum(terms(rows) ** 2)) for rows in pieces(count))
+    most = third = fourth = 0.0
+    for rows in pieces(count) if 0 < squares < math.inf else ():
+        scaled = terms(rows) / math.sqrt(squares)
+        ends = float(scaled.max()), float(scaled.min())
+        most = max(most, *ends, key=abs)
+        squared = scaled * scaled
+        third += float(np.sum(squared * scaled))
+        fourth += float(np.sum(squared**2))
+    return Contributions(count, squares, most, third, fourth)
+
+
+def variance_of_sum(of: Contributions) -> float:
     """Return the variance of the sum of independent terms whose expectations add up to zero; infinite for one term."""
-    return _variance(float(np.sum(terms**2)), terms.size)
+    return math.inf if of.count < 2 else of.count / (of.count - 1) * of.squares
 
 
-def _variance(squares: float, count: int) -> float:
-    """Return the variance of the sum of `count` terms from the sum of their squares."""
-    return math.inf if count < 2 else count / (count - 1) * squares
-
-
-def mean_interval(value: float, terms: Array, confidence: float) -> Interval:
+def mean_interval(value: float, of: Contributions, confidence: float) -> Interval:
     """Return the two-sided interval of an estimate from its influence function."""
-    # `terms`, shape (m,), are the contributions of each independent sample, or lot, to the error of the estimate:
-    # weight times influence function.
-    squares = float(np.sum(terms**2))
-    variance = _variance(squares, terms.size)
+    variance, most = variance_of_sum(of), of.most
     if variance == 0:
         return value, value
     if not math.isfinite(variance):
         return -math.inf, math.inf
-    scaled = terms / math.sqrt(squares)
-    most = float(scaled[np.argmax(np.abs(scaled))])
-    squared = scaled * scaled
-    second, third, fourth = 1 + most**2, float(np.sum(squared * scaled)) + most**3, float(np.sum(squared**2)) + most**4
-    spread_of_second = fourth - second**2 / (terms.size + 1)
-    freedom = 2 * second**2 / spread_of_second if spread_of_second > 0 else float(terms.size)
-    t = float(stdtrit(min(max(freedom, _LEAST_FREEDOM), terms.size - 1), 0.5 + confidence / 2))
+    second, third, fourth = 1 + most**2, of.third + most**3, of.fourth + most**4
+    spread_of_second = fourth - second**2 / (of.count + 1)
+    freedom = 2 * second**2 / spread_of_second if spread_of_second > 0 else float(of.count)
+    t = float(stdtrit(min(max(freedom, _LEAST_FREEDOM), of.count - 1), 0.5 + confidence / 2))
     skewness = UNSEEN_SKEWNESS * third / second**1.5
     error = math.sqrt(variance * second)
     return value - error * _hall(t, skewness), value - error * _hall(-t, skewness)
@@ -230,11 +245,12 @@ def weights(change: Change) -> Weights:
     if change.doubt is not None and len(change.doubt) != n:
         raise ReportError(f"doubt of {len(change.doubt)} samples and {n} log ratios; give both of the same samples")
     # A common factor has no effect, and none of these weights overflows.
-    raw = np.exp(total - total.max())
+    raw = total - total.max()
+    np.exp(raw, out=raw)
     largest = float(raw.max() / raw.sum())
     smooth, k = pareto_smoothed(raw)
     weight = smooth / smooth.sum()
-    effective = float(1 / np.sum(weight**2))
+    effective = 1 / sums(weight, lambda piece: (piece * piece,))[0]
     finite_k = k if math.isfinite(k) else None
     refusal = _refusal(effective, largest, finite_k, bar, change.outside) or _too_little(n, change.worth)
     refusal = refusal or _heavy_body(raw, k)
@@ -244,20 +260,38 @@ def weights(change: Change) -> Weights:
 def pareto_smoothed(raw: Array) -> tuple[Array, float]:
     """Return the weights with a smoothed tail, and the shape of the tail; minus infinity if there is none to fit."""
     # The tail has ``min(n / 5, 3 sqrt(n))`` weights; no smoothed weight exceeds the largest raw one.
-    count = math.ceil(min(0.2 * raw.size, 3 * math.sqrt(raw.size)))
+    count = _tail_size(raw)
     if count < _LEAST_TAIL:
         return raw, _NO_TAIL
-    order = np.argpartition(raw, raw.size - count - 1)
-    cut = float(raw[order[raw.size - count - 1]])
-    tail = order[raw.size - count :]
+    order = np.argpartition(raw, raw.size - count - 1)[raw.size - count - 1 :].copy()
+    cut, tail = float(raw[order[0]]), order[1:]
     tail = tail[np.argsort(raw[tail], kind="stable")]
-    beyond = raw[tail] - cut
-    if beyond[-1] <= 1e-12 * raw[tail[-1]] or beyond[0] <= 0:
+    found = _fitted_tail(raw[tail], cut)
+    if found is None:
         return raw, _NO_TAIL
-    k, scale = pareto.posterior_mean_fit(beyond)
-    smooth = raw.copy()
+    (k, scale), smooth = found, raw.copy()
     smooth[tail] = np.minimum(cut + pareto.quantiles(k, scale, (np.arange(count) + 0.5) / count), raw[tail[-1]])
     return smooth, k
+
+
+def tail_shape(values: Array) -> float:
+    """Return the shape of the tail that `pareto_smoothed` fits; the values are put into another order."""
+    count = _tail_size(values)
+    if count < _LEAST_TAIL:
+        return _NO_TAIL
+    values.partition(values.size - count - 1)
+    found = _fitted_tail(np.sort(values[values.size - count :]), float(values[values.size - count - 1]))
+    return _NO_TAIL if found is None else found[0]
+
+
+def _tail_size(raw: Array) -> int:
+    return math.ceil(min(0.2 * raw.size, 3 * math.sqrt(raw.size)))
+
+
+def _fitted_tail(tail: Array, cut: float) -> tuple[float, float] | None:
+    """Return shape and scale of a tail in ascending order beyond a value; None if there is nothing to fit."""
+    beyond = tail - cut
+    return None if beyond[-1] <= 1e-12 * tail[-1] or beyond[0] <= 0 else pareto.posterior_mean_fit(beyond)
 
 
 def _refusal(effective: float, largest: float, k: float | None, bar: float, outside: float) -> str:
@@ -296,7 +330,7 @@ def _heavy_body(raw: Array, k: float) -> str:
     """Return why the weights cannot be used, judged by the tail of their upper fifth; empty if they can."""
     # The mean logarithmic excess of the largest fifth over the next smaller one; 0 if equal.
     count = int(_HILL_SHARE * raw.size)
-    top = -np.partition(-raw, count)[: count + 1]
+    top = np.partition(raw, raw.size - count - 1)[raw.size - count - 1 :]
     cut = float(top.min())
     hill = float(np.sum(np.log(top / cut))) / count if count and cut > 0 else 0.0
     if hill > HILL_BAR and k > CLEAR_TAIL:

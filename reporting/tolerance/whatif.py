@@ -9,27 +9,30 @@ remaining intervals covered the true value.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import reduce
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr, ndtri
 
-from reporting.arrays import ROUNDING, Array
+from reporting.arrays import ROUNDING, Array, magnitude, pieces, sums
 from reporting.capability.intervals import Interval
 from reporting.capability.lots import LEAST_LOTS, lots_worth
 from reporting.capability.shares import PPM, expected_normal
 from reporting.errors import ReportError
 from reporting.tolerance.reweighting import (
     Change,
+    Contributions,
     LotLabels,
     Weights,
     by_lot,
+    contributions,
     mean_interval,
-    pareto_smoothed,
     share_interval,
+    tail_shape,
     variance_of_sum,
     weights,
     widened,
@@ -82,6 +85,9 @@ class WhatIf:
     notes: tuple[str, ...] = ()
 
 
+Influence: TypeAlias = Callable[[slice], Array]  # a range of rows to the influence of each on a statistic
+
+
 @dataclass(frozen=True)
 class _Sampled:
     """The samples with a value: their weights, which sum to 1, lots and effective number."""
@@ -91,11 +97,12 @@ class _Sampled:
     kish: float
     doubt: Array | None = None  # of the new distributions, shape (n, k)
 
-    def error(self, influence: Array, confidence: float) -> float:
+    def error(self, influence: Influence, confidence: float) -> float:
         """Return the half width that the new distributions' own error gives a statistic with this influence."""
         if self.doubt is None:
             return 0.0
-        return float(ndtri(0.5 + confidence / 2) * np.linalg.norm((self.weight * influence) @ self.doubt))
+        terms = self.weight * influence(slice(None))
+        return float(ndtri(0.5 + confidence / 2) * np.linalg.norm(terms @ self.doubt))
 
 
 def what_if(
@@ -143,19 +150,17 @@ def _under(
         raise ReportError(f"what if: {y.shape} values and {w.weight.shape} weights; give both of the same samples")
     finite = np.isfinite(y)
     n, limited = int(np.count_nonzero(finite)), limits != (None, None)
-    with_value = float(w.weight[finite].sum())
+    # usually every row has a value, and its weights need no copy
+    weight, of_lots = (w.weight, lots) if n == y.size else (w.weight[finite], None if lots is None else lots[finite])
+    with_value = float(weight.sum())
     base = WhatIf(n, y.size - n, w.effective, w.largest, w.pareto_k, w.pareto_k_bar, w.outside, 0)
-    refusal = w.refusal or too_few(n, w.weight[finite], None if lots is None else lots[finite])
+    refusal = w.refusal or too_few(n, weight, of_lots)
     usual_runs = runs_for(USUAL_CPK if limited else None)
     if refusal:
         return replace(base, refusal=refusal, runs=usual_runs)
-    values, weight = y[finite], w.weight[finite] / with_value
-    sampled = _Sampled(
-        weight,
-        None if lots is None else lots[finite],
-        float(1 / np.sum(weight**2)),
-        None if w.doubt is None else w.doubt[finite],
-    )
+    values, weight = (y, weight) if n == y.size else (y[finite], weight / with_value)
+    kish = 1 / sums(weight, lambda piece: (piece * piece,))[0]
+    sampled = _Sampled(weight, of_lots, kish, None if w.doubt is None else w.doubt[finite])
     k = _tail_of_sigma(values, weight)
     numbers: dict[str, Any] = _moments(values, sampled, *limits, confidence)
     numbers |= _shares(values, sampled, *limits, w.outside, confidence)
@@ -192,9 +197,10 @@ def _notes(varies: bool, limited: bool, k: float | None) -> Iterator[str]:
 
 def _tail_of_sigma(y: Array, weight: Array) -> float | None:
     """Return the tail shape of the contributions to the variance; None if the weights do not make it heavier."""
-    deviation = y - y.mean()
-    squares = (deviation - np.sum(weight * deviation)) ** 2
-    k, unweighted = pareto_smoothed(weight * squares)[1], pareto_smoothed(squares)[1]
+    squares = y - y.mean()
+    squares -= np.sum(weight * squares)
+    squares *= squares
+    k, unweighted = tail_shape(weight * squares), tail_shape(squares)
     return k if math.isfinite(k) and k > unweighted else None
 
 
@@ -204,17 +210,24 @@ def _moments(
     """Return mean, sigma and indices with intervals from their influence functions."""
     weight = sampled.weight
     origin = y[int(np.argmax(weight))]  # with a large offset, sums would lose the digits of the spread
-    mean = float(np.sum(weight * (y - origin))) + float(origin)
-    deviation = y - mean
-    of_mean = variance_of_sum(by_lot(weight * deviation, sampled.lots))
-    squares = float(np.sum(weight * deviation**2))
+    mean = _sum(y.size, lambda rows: weight[rows] * (y[rows] - origin)) + float(origin)
+
+    def deviation(rows: slice) -> Array:
+        return y[rows] - mean
+
+    def of_variance(rows: slice) -> Array:
+        return np.square(deviation(rows)) - variance
+
+    def of_index(side: float, index: float) -> Influence:
+        return lambda rows: (side * deviation(rows) / 3 - index * (of_variance(rows) / (2 * std))) / std
+
+    of_mean = variance_of_sum(_contributions(deviation, sampled))
+    squares = _sum(y.size, lambda rows: weight[rows] * np.square(deviation(rows)))
     variance = squares + min(of_mean, squares)  # deviations are from the samples' own mean
     std = math.sqrt(variance)
     names = ("std", "cp", "cpl", "cpu", "cpk")
-    if std <= ROUNDING * float(np.abs(y).max()):
+    if std <= ROUNDING * magnitude(y):
         return {"mean": Estimate(mean, (mean, mean), sampled.kish)} | dict.fromkeys(names)
-    of_variance = deviation**2 - variance
-    of_std = of_variance / (2 * std)
     numbers: dict[str, Estimate | None] = dict.fromkeys(names)
     numbers["mean"] = _estimate(mean, deviation, sampled, confidence)
     spread = _estimate(variance, of_variance, sampled, confidence)
@@ -223,22 +236,35 @@ def _moments(
     for name, limit, sign in (("cpl", lsl, 1.0), ("cpu", usl, -1.0)):
         if limit is not None:
             index = sign * (mean - limit) / (3 * std)
-            numbers[name] = _estimate(index, (sign * deviation / 3 - index * of_std) / std, sampled, confidence)
+            numbers[name] = _estimate(index, of_index(sign, index), sampled, confidence)
     sides = [side for side in (numbers["cpl"], numbers["cpu"]) if side is not None]
     numbers["cpk"] = min(sides, key=lambda side: side.value) if sides else None
     if lsl is not None and usl is not None:
         cp = (usl - lsl) / (6 * std)
-        numbers["cp"] = _estimate(cp, -cp / std * of_std, sampled, confidence)
+        numbers["cp"] = _estimate(cp, of_index(0.0, cp), sampled, confidence)
     return numbers
 
 
-def _estimate(value: float, influence: Array, sampled: _Sampled, confidence: float) -> Estimate:
+def _sum(n: int, of: Influence) -> float:
+    """Return the sum of a function of so many rows."""
+    return sum(float(np.sum(of(rows))) for rows in pieces(n))
+
+
+def _contributions(influence: Influence, sampled: _Sampled) -> Contributions:
+    """Return the contributions of the samples, or lots, to the error of an estimate."""
+    weight = sampled.weight
+    if sampled.lots is None:
+        return contributions(weight.size, lambda rows: weight[rows] * influence(rows))
+    terms = by_lot(weight * influence(slice(None)), sampled.lots)
+    return contributions(terms.size, lambda rows: terms[rows])
+
+
+def _estimate(value: float, influence: Influence, sampled: _Sampled, confidence: float) -> Estimate:
     """Return an estimate with the interval from its influence function."""
-    terms = by_lot(sampled.weight * influence, sampled.lots)
-    error2 = float(np.sum(terms**2))
-    spread = float(np.sum(sampled.weight * influence**2))
-    effective = min(spread / error2, sampled.kish) if error2 > 0 else sampled.kish
-    interval = mean_interval(float(value), terms, confidence)
+    found = _contributions(influence, sampled)
+    spread = _sum(sampled.weight.size, lambda rows: sampled.weight[rows] * np.square(influence(rows)))
+    effective = min(spread / found.squares, sampled.kish) if found.squares > 0 else sampled.kish
+    interval = mean_interval(float(value), found, confidence)
     return Estimate(float(value), widened(value, interval, sampled.error(influence, confidence)), effective)
 
 
@@ -249,7 +275,7 @@ def _shares(
     below = None if lsl is None else y < lsl
     above = None if usl is None else y > usl
     sides = [side for side in (below, above) if side is not None]
-    both = np.any(sides, axis=0) if sides else None
+    both = reduce(np.logical_or, sides) if sides else None
     return {
         name: None if out is None else _share(out, sampled, outside, confidence)
         for name, out in (("ppm", both), ("ppm_below", below), ("ppm_above", above))
@@ -259,12 +285,15 @@ def _shares(
 def _share(out: NDArray[np.bool_], sampled: _Sampled, outside: float, confidence: float) -> Estimate:
     """Return a weighted share in ppm with its interval."""
     share = min(float(np.sum(sampled.weight[out])), 1.0)
-    error2 = float(np.sum(by_lot(sampled.weight * (out - share), sampled.lots) ** 2))
+
+    def influence(rows: slice) -> Array:
+        return np.asarray(out[rows] - share, np.float64)
+
+    error2 = _contributions(influence, sampled).squares
     effective = min(share * (1 - share) / error2, sampled.kish) if 0 < share < 1 and error2 > 0 else sampled.kish
     low, high = share_interval(out, sampled.weight, sampled.lots, confidence)
-    if (
-        error := sampled.error(np.asarray(out - share, np.float64), confidence)
-    ) > 0 and 0 < share < 1:  # as a score: shares are not negative
+    error = sampled.error(influence, confidence)
+    if error > 0 and 0 < share < 1:  # as a score: shares are not negative
         score = float(ndtri(share))
         slope = math.exp(-0.5 * score**2) / math.sqrt(2 * math.pi)
         low, high = ndtr(widened(score, (float(ndtri(low)), float(ndtri(high))), error / slope))
