@@ -21,12 +21,13 @@ of Hall (1992).
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import betaincinv, stdtrit
 
-from reporting.arrays import Array, pieces, sums
+from reporting.arrays import Array, pieces, random_rows, sums
 from reporting.capability.intervals import Interval
 from reporting.errors import ReportError
 from reporting.shape import pareto
@@ -248,19 +249,21 @@ def weights(change: Change) -> Weights:
     raw = total - total.max()
     np.exp(raw, out=raw)
     largest = float(raw.max() / raw.sum())
-    smooth, k = pareto_smoothed(raw)
-    weight = smooth / smooth.sum()
+    weight, k = pareto_smoothed(raw)
+    body = _heavy_body(raw, k)
+    del raw  # of millions: what is not needed again makes room
+    weight /= weight.sum()
     effective = 1 / sums(weight, lambda piece: (piece * piece,))[0]
     finite_k = k if math.isfinite(k) else None
     refusal = _refusal(effective, largest, finite_k, bar, change.outside) or _too_little(n, change.worth)
-    refusal = refusal or _heavy_body(raw, k)
+    refusal = refusal or body
     return Weights(weight, effective, largest, finite_k, bar, change.outside, refusal, change.doubt)
 
 
 def pareto_smoothed(raw: Array) -> tuple[Array, float]:
     """Return the weights with a smoothed tail, and the shape of the tail; minus infinity if there is none to fit."""
     # The tail has ``min(n / 5, 3 sqrt(n))`` weights; no smoothed weight exceeds the largest raw one.
-    count = _tail_size(raw)
+    count = _tail_size(raw.size)
     if count < _LEAST_TAIL:
         return raw, _NO_TAIL
     order = np.argpartition(raw, raw.size - count - 1)[raw.size - count - 1 :].copy()
@@ -274,18 +277,21 @@ def pareto_smoothed(raw: Array) -> tuple[Array, float]:
     return smooth, k
 
 
-def tail_shape(values: Array) -> float:
-    """Return the shape of the tail that `pareto_smoothed` fits; the values are put into another order."""
-    count = _tail_size(values)
+def tail_shape(n: int, values: Callable[[Any], Array]) -> float:
+    """Return the shape of the tail that `pareto_smoothed` fits to n values, which are given by some of their rows."""
+    count = _tail_size(n)
     if count < _LEAST_TAIL:
         return _NO_TAIL
-    values.partition(values.size - count - 1)
-    found = _fitted_tail(np.sort(values[values.size - count :]), float(values[values.size - count - 1]))
+    # One more of the largest of some values than the tail has: none of the tail of all values is smaller than the last.
+    some = values(random_rows(n))
+    least = np.partition(some, some.size - count - 1)[some.size - count - 1]
+    top = np.sort(np.concatenate([part[part >= least] for part in map(values, pieces(n))]))[-count - 1 :]
+    found = _fitted_tail(top[1:], float(top[0]))
     return _NO_TAIL if found is None else found[0]
 
 
-def _tail_size(raw: Array) -> int:
-    return math.ceil(min(0.2 * raw.size, 3 * math.sqrt(raw.size)))
+def _tail_size(n: int) -> int:
+    return math.ceil(min(0.2 * n, 3 * math.sqrt(n)))
 
 
 def _fitted_tail(tail: Array, cut: float) -> tuple[float, float] | None:
@@ -329,11 +335,13 @@ def _too_little(n: int, worth: float) -> str:
 def _heavy_body(raw: Array, k: float) -> str:
     """Return why the weights cannot be used, judged by the tail of their upper fifth; empty if they can."""
     # The mean logarithmic excess of the largest fifth over the next smaller one; 0 if equal.
+    if not k > CLEAR_TAIL:
+        return ""
     count = int(_HILL_SHARE * raw.size)
     top = np.partition(raw, raw.size - count - 1)[raw.size - count - 1 :]
     cut = float(top.min())
     hill = float(np.sum(np.log(top / cut))) / count if count and cut > 0 else 0.0
-    if hill > HILL_BAR and k > CLEAR_TAIL:
+    if hill > HILL_BAR:
         return (
             f"the largest fifth of the weights has too heavy a tail, with the shape {hill:.2f} above {HILL_BAR:.2f} "
             f"(Pareto k = {k:.2f})"

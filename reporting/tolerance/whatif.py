@@ -197,10 +197,10 @@ def _notes(varies: bool, limited: bool, k: float | None) -> Iterator[str]:
 
 def _tail_of_sigma(y: Array, weight: Array) -> float | None:
     """Return the tail shape of the contributions to the variance; None if the weights do not make it heavier."""
-    squares = y - y.mean()
-    squares -= np.sum(weight * squares)
-    squares *= squares
-    k, unweighted = tail_shape(weight * squares), tail_shape(squares)
+    n, middle = y.size, y.mean()
+    mean = _sum(n, lambda rows: weight[rows] * (y[rows] - middle))
+    k = tail_shape(n, lambda rows: weight[rows] * np.square(y[rows] - middle - mean))
+    unweighted = tail_shape(n, lambda rows: np.square(y[rows] - middle - mean))
     return k if math.isfinite(k) and k > unweighted else None
 
 
