@@ -3,7 +3,17 @@
 import numpy as np
 import pyarrow as pa
 
-from reporting.arrays import MOST_ROWS, Columns, extremes, random_rows
+from reporting.arrays import (
+    MOST_ROWS,
+    Columns,
+    GrowingColumn,
+    extremes,
+    random_rows,
+    some_of,
+    standard_deviation,
+    sums,
+    varies,
+)
 from reporting.samples import AMBIGUOUS, AT_IMPACT, LATER, read_samples
 from tests.reporting.synthetic import c60_spec, c60_table
 
@@ -67,3 +77,41 @@ def test_extremes_are_those_of_all_values():
         assert extremes(x, 5, largest=True).tolist() == order[:5].tolist()
     assert extremes(np.array([2.0, 1.0]), 5, largest=False).tolist() == [1, 0]
     assert extremes(np.zeros(0), 5, largest=True).size == 0
+
+
+def test_a_growing_column_has_all_numbers():
+    """Of fewer tables than expected, of as many, and of more."""
+    for most in (1000, 700, 30, 0):
+        column = GrowingColumn(np.int64, most)
+        for first in range(0, 700, 70):
+            column.add(np.arange(first, first + 70))
+        assert np.array_equal(column.array, np.arange(700))
+    assert GrowingColumn(np.bool_, 5).array.size == 0
+
+
+def test_some_rows_are_those_of_their_numbers():
+    """Of nearly all rows, whose numbers are not written down, as of others."""
+    random = np.random.default_rng(5)
+    for share in (0.0, 0.001, 0.5, 0.999, 1.0):
+        rows = random.random(5000) < share
+        found = np.flatnonzero(rows)
+        assert np.array_equal(some_of(rows), found[random_rows(found.size)])
+
+
+def test_sums_of_many_values_are_those_of_all():
+    x = np.random.default_rng(6).normal(1e3, 1.0, MOST_ROWS + 12_345)
+    total, square = sums(x, lambda piece: (piece, piece * piece))
+    assert np.allclose((total, square), (x.sum(), x @ x), rtol=1e-14)
+    for ddof in (0, 1):
+        assert np.isclose(standard_deviation(x, ddof), np.std(x, ddof=ddof), rtol=1e-13)
+
+
+def test_a_column_varies_wherever_it_does():
+    """In its first rows, in its last one alone, or only by rounding."""
+    x = np.full(5000, 3.0)
+    assert not varies(x)
+    assert not varies(x * (1 + 1e-15 * np.random.default_rng(7).random(5000)))
+    x[-1] = 4.0
+    assert varies(x)
+    some = Columns({"last": x, "first": x[::-1], "never": np.full(5000, 3.0)}).where(np.arange(5000) % 2 == 1)
+    assert list(some.varying) == ["last"]

@@ -85,6 +85,16 @@ def test_equal_values_are_spread_over_what_rounds_to_them() -> None:
     assert np.array_equal(ties(smooth).spread(smooth), smooth)
 
 
+@each("digits", [0, 1, 3, 17])
+def test_ties_are_the_distinct_values_and_their_counts(digits: int) -> None:
+    x = np.sort(np.random.default_rng(8).normal(size=40_000).round(digits))
+    found, (values, counts) = ties(x), np.unique(x, return_counts=True)
+    if digits < 17:
+        assert np.array_equal(found.values, values)
+        assert np.array_equal(found.counts, counts)
+    assert found.counts.sum() == x.size
+
+
 def test_a_discrete_response_says_so() -> None:
     found = fit_families(np.random.default_rng(7).poisson(1.5, 400))
     assert found.fits == ()

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from reporting import ReportError
-from reporting.tolerance.reweighting import Change, pareto_smoothed, weights
+from reporting.tolerance.reweighting import Change, contributions, pareto_smoothed, tail_shape, weights
 
 RNG = np.random.default_rng(31)
 
@@ -73,3 +73,18 @@ def test_impossible_ratios_raise(bad):
         weights(Change(np.array([0.0, bad])))
     with pytest.raises(ReportError, match="probability"):
         weights(Change(np.zeros(3), outside=bad))
+
+
+def test_the_shape_of_a_tail_is_that_of_its_smoothing():
+    """From pieces of more values than are looked at as a whole, and from few."""
+    for n in (20, 4000, 250_000):
+        raw = RNG.pareto(2.0, n)
+        assert tail_shape(n, lambda rows, raw=raw: raw[rows]) == pareto_smoothed(raw)[1]
+
+
+def test_contributions_of_many_are_those_of_all():
+    terms = RNG.standard_t(5, 250_000)
+    found, scaled = contributions(terms.size, lambda rows: terms[rows]), terms / np.linalg.norm(terms)
+    assert found.squares == pytest.approx(terms @ terms, rel=1e-13)
+    assert found.most == pytest.approx(scaled[np.argmax(np.abs(scaled))], rel=1e-13)
+    assert (found.third, found.fourth) == pytest.approx((np.sum(scaled**3), np.sum(scaled**4)), rel=1e-9)
