@@ -7,8 +7,17 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from campaign.batches import Batches
 from campaign.inputs.sampling import sampler_named
-from campaign.plan_header import FORMAT, PlanHeader, changed_plan, parse_plan, seal_plan, unreadable_plan, usual_share
+from campaign.plan_header import (
+    WITHOUT_DIGEST,
+    PlanHeader,
+    changed_plan,
+    parse_plan,
+    seal_plan,
+    unreadable_plan,
+    usual_share,
+)
 from campaign.row_build import UNKNOWN, row_build
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.load import Campaign
@@ -45,7 +54,7 @@ class Plan(PlanHeader):
             "mechanism_digest": self.mechanism.digest(),
             "spec": dump_spec(self.spec),
             "schema": self.columns,
-            "batches": self.batches,
+            **({"batch_size": self.batches.size} if isinstance(self.batches, Batches) else {"batches": self.batches}),
             "repeats": self.repeats,
             "mechanism": json.loads(self.mechanism.model_dump_json(by_alias=True, exclude_none=True)),
         }
@@ -61,7 +70,7 @@ class Plan(PlanHeader):
             build, engine = document.get("row_build", UNKNOWN), document["engine_build"]
         except (ValueError, KeyError, TypeError, RecursionError, AttributeError, MechanismError) as error:
             raise unreadable_plan(error) from error
-        if document["format"] != FORMAT:  # format 1 has no digest
+        if document["format"] == WITHOUT_DIGEST:
             campaign_id = _identity(spec, mechanism, {"engine": engine})
             columns = [c for c in _columns(spec, mechanism, campaign_id) if c["name"] not in LATER_COLUMNS]
             if campaign_id != header.campaign_id or columns != header.columns:
@@ -75,8 +84,7 @@ def make_plan(campaign: Campaign, batch_size: int | None = None, seconds_per_run
     # Without one a batch takes a worker about ten seconds by ``seconds_per_run``, with at least 40 batches of at most
     # 10,000 samples each, or of at most 100 if that time is not given either.
     spec, mechanism, build = campaign.spec, campaign.mechanism, row_build()
-    size = batch_size or _size(spec.samples, seconds_per_run)
-    batches = tuple((first, min(size, spec.samples - first)) for first in range(0, spec.samples, size))
+    batches = Batches(spec.samples, min(batch_size or _size(spec.samples, seconds_per_run), spec.samples))
     campaign_id = _identity(spec, mechanism, {"build": build})
     columns = _columns(spec, mechanism, campaign_id)
     content = (campaign_id, spec.title or spec.name, batches, columns, spec, mechanism, build, build_id())

@@ -1,34 +1,39 @@
 """The file of a plan, its header and its repeats: what the store needs, without the models of mechanism and campaign.
 
-A digest in the file covers every byte of it. Files of format 1, written by earlier versions, have none.
+A digest in the file covers every byte of it. Earlier versions wrote format 2, which lists the batches, and format 1,
+which has no digest besides.
 """
 
 import hashlib
 import json
-from bisect import bisect_left, bisect_right
-from collections.abc import Mapping, Sequence
+from bisect import bisect_left
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
+from math import ceil
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from campaign.batches import Batches, Span, as_rule
 from campaign.errors import FailedStatus, StoreError
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 PARTS = "parts"  # folder of the rows; repeats have others
-FORMAT = 2  # of plan.json
-WITHOUT_DIGEST = 1  # the format before
+FORMAT = 3  # of plan.json
+LISTED = 2  # the format before, which lists the batches
+WITHOUT_DIGEST = 1  # the one before that
 TYPES = ("bool", "double", "int64", "string")  # of columns
 _UNSEALED = "0" * 64  # stands for the digest while the digest is computed
 SETTINGS = "repeated_with"  # column of a repeat: the settings that differ from those of its row
-_GOLDEN = np.uint64(0x9E3779B97F4A7C15)  # 2^64 over the golden ratio
-_HALF = np.uint64(0x4F1BBCDCBFA53E0A)  # half of it: the place of sample 0
+_GOLDEN = 0x9E3779B97F4A7C15  # 2^64 over the golden ratio
+_HALF = 0x4F1BBCDCBFA53E0A  # half of it: the place of sample 0
 _BLOCK = 1 << 20  # samples processed together
+_SPARSE = 1e-3  # share below which it takes less time to go from one repeat to the next
 USUAL_SHARE, LARGEST_USUAL = 0.03, 0.05  # of the samples; a repeat takes about twice the time of its run
 WANTED, ENOUGH = 20, 300  # repeats: they give the variance of a difference to within a third and a twelfth
 
@@ -40,7 +45,7 @@ class PlanHeader:
     # Name and ten hexadecimal digits of a hash of the spec, the mechanism and the build that computes the rows.
     campaign_id: str
     title: str  # its name if it has none
-    batches: tuple[tuple[int, int], ...]  # first sample and number of samples of each batch, by its number
+    batches: Sequence[Span]  # first sample and number of samples of each batch, by its number
     columns: list[dict[str, Any]]  # ``name``, ``type``, ``unit`` and ``nullable`` of each column of the table
     # Share of the samples simulated again with half the step; see `repeated_samples`.
     repeats: float = field(default=0.0, kw_only=True)
@@ -79,6 +84,18 @@ class PlanHeader:
         """Return the number of rows whose sample number is below ``end``."""
         return end
 
+    def batches_before(self, end: int) -> int:
+        """Return the number of batches that begin before row ``end``."""
+        if isinstance(self.batches, Batches):
+            return min(self.batches.batch_of(max(end, 0) - 1) + 1, len(self.batches))
+        return bisect_left(self.batches, end, key=itemgetter(0))
+
+    def batch_numbers(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the number of the batch that holds each row, (n,)."""
+        if isinstance(self.batches, Batches):
+            return rows // self.batches.size
+        return np.searchsorted([first for first, _ in self.batches], rows, side="right") - 1
+
     @cached_property
     def schema(self) -> "pa.Schema":
         """Arrow schema of every part: columns, units and campaign id."""
@@ -107,11 +124,11 @@ def parse_plan(text: str) -> tuple[PlanHeader, dict[str, Any]]:
     """Read ``plan.json``: its checked header, and the document as written, which is not checked in format 1."""
     try:
         document = json.loads(text)
-        if document["format"] not in (FORMAT, WITHOUT_DIGEST):
-            formats = f"{WITHOUT_DIGEST} and {FORMAT}"
+        if document["format"] not in (FORMAT, LISTED, WITHOUT_DIGEST):
+            formats = f"{WITHOUT_DIGEST} to {FORMAT}"
             raise StoreError(f"plan.json has format {document['format']!r:.20}; this version reads {formats}")
-        # a file of format 2 whose format was changed to 1, which has no digest, still has keys that format 1 never had
-        if document["format"] == FORMAT or document.keys() & {"sha256", "row_build"}:
+        # a file whose format was changed to 1, which has no digest, still has keys that format 1 never had
+        if document["format"] != WITHOUT_DIGEST or document.keys() & {"sha256", "row_build", "batch_size"}:
             stated = document.get("sha256")
             if not isinstance(stated, str) or len(stated) != len(_UNSEALED):
                 raise changed_plan()
@@ -149,11 +166,14 @@ def _title(document: Mapping[str, Any]) -> str:
     return title
 
 
-def _batches(document: Mapping[str, Any]) -> tuple[tuple[int, int], ...]:
+def _batches(document: Mapping[str, Any]) -> Batches | tuple[Span, ...]:
     """Return the batches of a plan after checking that they hold each of its samples once and in order."""
-    batches, samples = tuple((first, count) for first, count in document["batches"]), document["spec"]["samples"]
-    if not all(type(number) is int for number in (samples, *(n for batch in batches for n in batch))):
-        raise ValueError("a number of samples is not a whole number")
+    samples = document["spec"]["samples"]
+    if "batch_size" in document:
+        _refuse_fractions(samples, document["batch_size"])
+        return Batches(samples, document["batch_size"])
+    batches = tuple((first, count) for first, count in document["batches"])
+    _refuse_fractions(samples, *(n for batch in batches for n in batch))
     expected = 0
     for first, count in batches:
         if first != expected or count < 1:
@@ -161,7 +181,12 @@ def _batches(document: Mapping[str, Any]) -> tuple[tuple[int, int], ...]:
         expected += count
     if expected != samples or samples < 1:
         raise ValueError(f"its batches hold {expected} samples, but its spec asks for {samples}")
-    return batches
+    return as_rule(batches)
+
+
+def _refuse_fractions(*numbers: Any) -> None:
+    if not all(type(number) is int for number in numbers):
+        raise ValueError("a number of samples is not a whole number")
 
 
 def _columns(document: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -201,9 +226,35 @@ def repeated_samples(samples: int, low: float, high: float) -> NDArray[np.int64]
     found = [np.zeros(0, np.int64)]
     for first in range(0, samples, _BLOCK) if high > low else ():
         sample = np.arange(first, min(first + _BLOCK, samples), dtype=np.uint64)
-        place = ((sample * _GOLDEN + _HALF) >> np.uint64(11)) * 2.0**-53  # 53 bits, which a float holds exactly
+        # 53 bits, which a float holds exactly
+        place = ((sample * np.uint64(_GOLDEN) + np.uint64(_HALF)) >> np.uint64(11)) * 2.0**-53
         found.append(sample[(place >= low) & (place < high)].astype(np.int64))
+        if high - low < _SPARSE and found[-1].size:
+            return np.fromiter(_repeated_from(int(found[-1][0]), samples, low, high), np.int64)
     return np.concatenate(found)
+
+
+def _repeated_from(sample: int, samples: int, low: float, high: float) -> Iterator[int]:
+    """Yield a repeated sample, and those after it."""
+    # From one to the next it is as far as to the first sample whose place is less than the length of the interval ahead
+    # of the place of sample 0, or behind it, or as far as both together (three-distance theorem). Places are integers,
+    # of 2^64.
+    begin, end = (ceil(share * 2.0**53) << 11 for share in (low, high))
+    length, ahead, behind, to_ahead, to_behind = end - begin, _GOLDEN, 2**64 - _GOLDEN, 1, 1
+    while max(ahead, behind) >= length:
+        if ahead > behind:
+            ahead, to_ahead = ahead - behind, to_ahead + to_behind
+        else:
+            behind, to_behind = behind - ahead, to_behind + to_ahead
+    at = (sample * _GOLDEN + _HALF) % 2**64 - begin
+    while sample < samples:
+        yield sample
+        if at + ahead < length:
+            at, sample = at + ahead, sample + to_ahead
+        elif at >= behind:
+            at, sample = at - behind, sample + to_behind
+        else:
+            at, sample = at + ahead - behind, sample + to_ahead + to_behind
 
 
 @dataclass(frozen=True)
@@ -239,16 +290,14 @@ class RepeatPlan(PlanHeader):
 
 def plan_repeats(campaign: PlanHeader, shares: Sequence[float]) -> tuple[RepeatPlan, ...]:
     """Return the sets of repeats that rising shares of the samples add, each to the one before; empty ones left out."""
-    firsts = [first for first, _ in campaign.batches]
     columns = [*campaign.columns, {"name": SETTINGS, "type": "string", "unit": "", "nullable": False}]
     plans = []
     for number, (low, high) in enumerate(zip((0.0, *shares), shares, strict=False), 1):
-        numbers = repeated_samples(campaign.samples, low, high).tolist()
-        of_rows = [bisect_right(firsts, sample) - 1 for sample in numbers]
-        of_batches = sorted(set(of_rows))
-        begins = [*(bisect_left(of_rows, batch) for batch in of_batches), len(numbers)]
-        batches = tuple((begin, end - begin) for begin, end in pairwise(begins))
+        numbers = repeated_samples(campaign.samples, low, high)
+        of_batches, begins = np.unique(campaign.batch_numbers(numbers), return_index=True)
+        batches = tuple(zip(begins.tolist(), np.diff(begins, append=numbers.size).tolist(), strict=True))
         if batches:
             header = (campaign.campaign_id, campaign.title, batches, columns)
-            plans.append(RepeatPlan(*header, campaign, tuple(numbers), tuple(of_batches), folder=f"repeats-{number}"))
+            rows = (campaign, tuple(numbers.tolist()), tuple(of_batches.tolist()))
+            plans.append(RepeatPlan(*header, *rows, folder=f"repeats-{number}"))
     return tuple(plans)

@@ -17,7 +17,7 @@ from pathlib import Path
 from engine.platform.build import LIBRARIES, engine_sources, hash_sources
 
 DISTRIBUTIONS = Path(__file__).parents[1] / "reporting" / "distributions"
-SOURCES = ("inputs", "spec", "worker", "plan.py", "plan_header.py", "row_build.py")  # of campaign
+SOURCES = ("inputs", "spec", "worker", "batches.py", "plan.py", "plan_header.py", "row_build.py")  # of campaign
 UNKNOWN = ""  # for plans of earlier versions, which recorded only the build of the engine
 
 

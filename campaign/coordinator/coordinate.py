@@ -395,7 +395,7 @@ class Coordinator:
         """Survey the store anew, and forget the calls in flight."""
         survey = self._survey(verify=verify)
         if self.queue.parts.keys() <= survey.parts.keys():
-            needed = range(self.queue.batches_for(self.store.end(self.plan)))
+            needed = range(self.plan.batches_before(self.store.end(self.plan)))
             for batch in (survey.parts.keys() - self.queue.parts.keys()).intersection(needed):
                 rows = self.store.read_part(self.plan, batch)  # written while the connection was lost
                 moments_of = moments(rows, self.plan.mechanism.responses)

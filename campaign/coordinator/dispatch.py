@@ -2,7 +2,6 @@
 
 import logging
 import time
-from bisect import bisect_left
 from collections import deque
 from collections.abc import Mapping, Sequence, Set
 from concurrent.futures import Future
@@ -34,19 +33,15 @@ class WorkQueue:
     """
 
     def __init__(self, plan: Plan, parts: Mapping[int, Part], end: int, unrepeated: Set[int] = frozenset()) -> None:
-        self._first_samples = [first for first, _ in plan.batches]
+        self._plan = plan
         self.parts = dict(parts)
         self._complete_prefix = 0  # number of completed batches from the first on without a gap
-        self.limit = self.batches_for(end)
+        self.limit = plan.batches_before(end)
         self._waiting = deque(
             BatchRequest(batch, has_rows=batch in self.parts)
             for batch in range(self.limit)
             if batch not in self.parts or batch in unrepeated
         )
-
-    def batches_for(self, samples: int) -> int:
-        """Return the number of batches, from the first on, that hold the first ``samples`` samples."""
-        return bisect_left(self._first_samples, samples)
 
     def next(self) -> BatchRequest | None:
         """Remove and return the next batch to compute; None if there is none below the limit."""
@@ -67,7 +62,7 @@ class WorkQueue:
         """Return whether the rows of all the first ``samples`` samples are in the store."""
         while self._complete_prefix in self.parts:
             self._complete_prefix += 1
-        return self._complete_prefix >= self.batches_for(samples)
+        return self._complete_prefix >= self._plan.batches_before(samples)
 
     def __len__(self) -> int:
         return len(self._waiting)

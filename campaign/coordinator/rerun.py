@@ -1,6 +1,5 @@
 """Compute rows again, for runs that crashed or timed out for a reason that has been fixed."""
 
-from bisect import bisect_right
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, replace
@@ -164,10 +163,9 @@ def _there(store: Store, repeats: RepeatPlan, wanted: set[int]) -> list[int]:
 def _by_batch(store: Store, table: PlanHeader, samples: Iterable[int]) -> dict[int, list[int]]:
     """Return the samples by batch, each once and in order."""
     parts, batches = store.survey(table).parts, defaultdict(list)
-    firsts = [first for first, _ in table.batches]
     for sample in sorted(set(samples)):
         row = table.rows_before(sample)
-        batch = bisect_right(firsts, row) - 1
+        batch = table.batches_before(row + 1) - 1
         if batch not in parts or row >= sum(table.batches[batch]):
             raise SpecError(
                 f"sample {sample}: campaign {table.campaign_id} has no row of this sample; allowed:"

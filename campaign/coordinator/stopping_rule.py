@@ -68,7 +68,7 @@ class Checkpoints:
     def limit(self, queue: WorkQueue, ahead: int) -> None:
         """Limit a queue to ``ahead`` batches beyond the next checkpoint."""
         if self.next is not None:
-            queue.limit = queue.batches_for(self.next) + ahead
+            queue.limit = self._plan.batches_before(self.next) + ahead
 
     def reached_end(self, queue: WorkQueue) -> bool:
         """Evaluate each checkpoint whose samples are complete; return whether the campaign ends at one of them."""

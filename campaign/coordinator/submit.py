@@ -282,8 +282,7 @@ def seconds_per_run(plan: Plan, simulate: Simulate, clock: Callable[[], float] =
     runs = min(RUNS, plan.spec.samples)
     with tempfile.TemporaryDirectory(prefix="clearcap-probe-") as folder:
         store = open_store(folder)
-        batches = ((0, runs), (runs, plan.spec.samples - runs))  # the first holds the trial runs
-        store.create_plan(replace(plan, batches=tuple(batch for batch in batches if batch[1])))
+        store.create_plan(plan)
         address = CampaignAddress.of(store, plan, simulate)
         with announced_compilation(missing_kernels() if simulate is engine_simulate else ()):
             rows = rows_in_subprocess(address, range(runs), 1)

@@ -321,7 +321,7 @@ def survey(files: Files, plan: PlanHeader, end: int, *, verify: bool) -> Survey:
     """Return which parts and rows of a plan a store holds; rows from ``end`` on do not count. See `Store.survey`."""
     index = _index_parts(files, plan, verify=verify)
     parts = dict(sorted(index.parts.items()))
-    needed = [batch for batch, (first, _) in enumerate(plan.batches) if first < end]
+    needed = range(plan.batches_before(end))
     statuses = total(_count_statuses(files, plan, parts[batch], end) for batch in needed if batch in parts)
     missing = [batch for batch in needed if batch not in parts]
     return Survey(parts, missing, dict(sorted(index.bad.items())), statuses, sum(statuses.values()))

@@ -98,7 +98,7 @@ def _tables_of_files(
 ) -> "Iterator[pa.Table]":
     """Yield rows in the order of the samples, one table per file."""
     by_batch = _wanted(files_by_batch(files, plan), batches)
-    batch, last = 0, max(number for number, (first, _) in enumerate(plan.batches) if first < end)
+    batch, last = 0, plan.batches_before(end) - 1
     listed_for = -1
     bad: set[str] = set()
     first_choices = dict.fromkeys(by_batch[number][0] for number in range(last + 1) if number in by_batch)

@@ -296,7 +296,7 @@ def stored_row(store: Store, table: PlanHeader, sample: int) -> dict[str, Any] |
     at = table.rows_before(sample)
     if table.numbers_of(at, at + 1) != [sample]:
         return None
-    batch = next(b for b, (first, count) in enumerate(table.batches) if first <= at < first + count)
+    batch = table.batches_before(at + 1) - 1
     try:
         rows = store.read_part(table, batch)
     except (FileNotFoundError, BadPart):

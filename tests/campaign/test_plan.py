@@ -108,7 +108,9 @@ def test_changed_plan_is_refused(plan):
         Plan.from_json(json.dumps(content))
 
 
-@pytest.mark.parametrize("text", ["", "{}", "[]", '{"format": 3}', '{"format": 2}', '{"format": 1, "spec": {}}'])
+@pytest.mark.parametrize(
+    "text", ["", "{}", "[]", *(f'{{"format": {n}}}' for n in (2, 3, 4)), '{"format": 1, "spec": {}}']
+)
 def test_unreadable_plan_is_refused(text):
     """What is no plan is said to be none."""
     with pytest.raises(StoreError, match=r"plan\.json"):

@@ -1,14 +1,18 @@
 """The header of a plan: read quickly, it agrees with the plan, and every reader refuses a file that was changed."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
+from campaign.batches import Batches
 from campaign.errors import StoreError
 from campaign.plan import Plan, make_plan
-from campaign.plan_header import parse_plan, plan_repeats, repeated_samples, usual_share
+from campaign.plan_header import parse_plan, plan_repeats, repeated_samples, seal_plan, usual_share
 from campaign.spec.load import load_campaign
 from campaign.spec.result_columns import results_schema
 from tests.campaign.conftest import SPEC
@@ -16,6 +20,7 @@ from tests.campaign.store.test_store import fill
 from tests.each import each
 
 EARLIER = (Path(__file__).parent / "earlier_plans" / "old-b2ff31c7a0" / "plan.json").read_text()
+LISTED = (Path(__file__).parent / "earlier_plans" / "format_2.json").read_text()  # the same plan
 READERS = (parse_plan, Plan.from_json)
 
 
@@ -74,7 +79,7 @@ def as_text(document):
 
 
 @each("change", [lambda b: b[: len(b) // 2], lambda b: [*b, b[-1]], lambda b: b[::-1], lambda b: []])
-@each("text", [EARLIER, Plan.from_json(EARLIER).to_json()])
+@each("text", [EARLIER, LISTED])
 def test_batches_are_all_samples_once(text, change):
     """Cut to half, doubled, reordered, none: refused, also where there is no digest."""
     document = json.loads(text)
@@ -95,6 +100,35 @@ def test_a_plan_is_not_made_an_earlier_one(plan):
     both = {key: value for key, value in document.items() if key not in ("sha256", "row_build")}
     with pytest.raises(StoreError, match="changed after it was written"):
         Plan.from_json(as_text(both))  # its id is none of an earlier version
+
+
+def test_earlier_plans_are_the_same_plan():
+    """Listed batches are read as their rule, with a digest or without, and are written by it from then on."""
+    first, second = Plan.from_json(EARLIER), Plan.from_json(LISTED)
+    assert first == second == Plan.from_json(first.to_json())
+    assert first.batches == Batches(12, 5)
+    assert ('"batch_size": 5,' in first.to_json(), '"batches"' in first.to_json()) == (True, False)
+
+
+def test_batches_without_a_rule():
+    """A list that no version has written is held and written as it is."""
+    plan = replace(Plan.from_json(LISTED), batches=((0, 3), (3, 9)))
+    for read in READERS:
+        again = read(plan.to_json())
+        assert (again[0] if isinstance(again, tuple) else again).batches == ((0, 3), (3, 9))
+    assert [plan.batches_before(end) for end in (0, 1, 3, 4, 12)] == [0, 1, 1, 2, 2]
+    assert plan.batch_numbers(np.arange(5)).tolist() == [0, 0, 0, 1, 1]
+
+
+@each("size", [0, -5, 13, 5.0, True, None, "5", [5], 10**30])
+def test_a_batch_size_that_is_none(size):
+    """Refused though its digest fits, as is another size under the digest of this one."""
+    document = json.loads(Plan.from_json(LISTED).to_json()) | {"batch_size": size}
+    for read in READERS:
+        with pytest.raises(StoreError, match=r"plan\.json cannot be read: (its batches|a number of samples)"):
+            read(seal_plan({key: document[key] for key in document if key not in ("format", "sha256")}))
+        with pytest.raises(StoreError, match="changed after it was written"):
+            read(as_text(document))
 
 
 @pytest.mark.parametrize("key", ["batches", "spec", "schema", "campaign"])
@@ -119,6 +153,17 @@ def test_numbers_of_an_earlier_plan(number):
     """What is no whole number of samples is refused."""
     with pytest.raises(StoreError, match=r"plan\.json cannot be read"):
         parse_plan(EARLIER.replace("[\n   5,\n   5\n  ]", f"[5, {number}]"))
+
+
+@given(st.integers(1, 60_000), st.floats(0.0, 1.0), st.floats(2.0**-52, 2e-3))
+@example(60_000, 0.0, 2.0**-52)
+@example(60_000, 0.9995, 0.0005)
+def test_repeats_are_those_of_their_places(samples, low, share):
+    """Whether they are found one after the other or all samples are looked at."""
+    high = min(low + share, 1.0)
+    places = [((s * 0x9E3779B97F4A7C15 + 0x4F1BBCDCBFA53E0A) % 2**64 >> 11) / 2**53 for s in range(samples)]
+    expected = [s for s, place in enumerate(places) if low <= place < high]
+    assert repeated_samples(samples, low, high).tolist() == expected
 
 
 def test_every_beginning_has_its_share():

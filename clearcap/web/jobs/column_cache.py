@@ -199,8 +199,7 @@ def sources_of(store: Store, plan: Plan) -> Sources:
 
 def _merged(plan: Plan, earlier: SampleColumns, batches: set[int], others: SampleColumns) -> SampleColumns:
     """Return the samples of some batches of an earlier result, and others, sorted by number."""
-    starts = [first for first, _ in plan.batches]
-    kept = np.isin(np.searchsorted(starts, earlier.number, side="right") - 1, sorted(batches))
+    kept = np.isin(plan.batch_numbers(earlier.number), sorted(batches))
     number = np.concatenate([earlier.number[kept], others.number])
     order = np.argsort(number, kind="stable")
     values = {name: np.concatenate([x[kept], others.values[name]])[order] for name, x in earlier.values.items()}

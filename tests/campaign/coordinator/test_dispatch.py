@@ -124,17 +124,17 @@ def test_long_batches_travel_alone(begin):
 def test_no_further_than_a_window_beyond_the_next_checkpoint(begin):
     """Batches beyond the end of a campaign that its stopping rule ends are wasted."""
     coordinator, workers, ahead = begin(None, 2, RULE), ImmediateWorkers(), []
-    checkpoints, queue = coordinator.checkpoints, coordinator.queue
+    checkpoints, plan = coordinator.checkpoints, coordinator.plan
 
     def noting(function, address, requests):
-        ahead.append(requests[-1].batch - queue.batches_for(checkpoints.next))
+        ahead.append(requests[-1].batch - plan.batches_before(checkpoints.next))
         return function(address, requests)
 
     workers.compute = noting
     coordinator.compute(workers)
     assert checkpoints.verdict.sure
     assert max(ahead) == WINDOW - 1
-    assert max(batch for call in workers.batches for batch in call) < len(coordinator.plan.batches) - 1
+    assert max(batch for call in workers.batches for batch in call) < len(plan.batches) - 1
 
 
 def test_calls_in_flight_are_taken_back_at_the_end(begin):
