@@ -24,12 +24,14 @@ import psutil
 
 from benchmarks import ROOT
 from campaign.coordinator.coordinate import RECORD_INTERVAL, RECORD_SHARE, Coordinator
+from campaign.coordinator.dispatch import CALLS_PER_WORKER
 from campaign.coordinator.lease import HEARTBEAT_INTERVAL
 from campaign.coordinator.submit import submit
 from campaign.plan import Plan
 from campaign.spec.load import load_campaign
 from campaign.store import Part, Store, open_store
 from campaign.store.files.local import LocalFolder
+from campaign.store.manifest import segment_of
 from campaign.waits import Wait
 from campaign.worker.messages import BatchRequest, BatchResult, CampaignAddress, Moments
 
@@ -176,6 +178,13 @@ def coordinate(
     of_look = slow.requests.total() - asked
     with _timed(taken, "record_s"):
         store.record(plan, coordinator.queue.parts.values())
+    # between two records: those that were finished, among those that were given out
+    given = min(int(workers * (RECORD_INTERVAL / SECONDS + CALLS_PER_WORKER)), batches)
+    coordinator.queue.unrecorded = set(map(segment_of, range(batches - given, batches)))
+    asked = slow.requests.total()
+    with _timed(taken, "record_new_s"):
+        coordinator.queue.record(store)
+    of_record = slow.requests.total() - asked
     busy = taken["dispatch_s"] / on_clock.now + taken["look_s"] / HEARTBEAT_INTERVAL
     return {
         "batches": batches,
@@ -185,13 +194,15 @@ def coordinate(
         "batch_us": 1e6 * taken["dispatch_s"] / batches,
         "look_ms": 1e3 * taken["look_s"],
         "record_s": taken["record_s"],
+        "record_new_s": taken["record_new_s"],
         "memory_MiB": memory,
         "batch_bytes": 2**20 * (memory - before) / batches,
         "requests": requests,
         "requests_a_look": of_look,
+        "requests_a_record": of_record,
         "simulated_s": on_clock.now,
         # share of one core that the coordinator takes while the workers compute
-        "busy": busy + min(taken["record_s"] / RECORD_INTERVAL, RECORD_SHARE),
+        "busy": busy + min(taken["record_new_s"] / RECORD_INTERVAL, RECORD_SHARE),
         **_resume(store, plan, slow, resumed),
     }
 

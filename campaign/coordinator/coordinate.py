@@ -199,7 +199,7 @@ class Coordinator:
             if not self.queue:
                 break
             self._compute_through_losses(connect)
-            self.store.record(self.plan, self.queue.parts.values())
+            self.queue.record(self.store)
             self._rescan(verify=True)
         else:
             raise StoreError(
@@ -207,7 +207,7 @@ class Coordinator:
                 " check the disk"
             )
         check_lease(self.store, self.plan.campaign_id, self._token)
-        self.store.record(self.plan, self.queue.parts.values())
+        self.queue.record(self.store)
         for name in (self.plan.campaign_id, *map(folder, (self.plan, *self.repeats))):
             self.store.files.sweep(name)  # temporary files of killed workers
 
@@ -330,7 +330,7 @@ class Coordinator:
         self._probe(store)
         began = time.monotonic()
         if began > self._record_at:
-            store.record(self.plan, self.queue.parts.values())
+            self.queue.record(store)
             now = time.monotonic()
             self._record_at = now + max(RECORD_INTERVAL, (now - began) / RECORD_SHARE)
 

@@ -10,7 +10,8 @@ from dataclasses import replace
 from campaign.cluster.workers import NoWorkerLeft, Workers
 from campaign.errors import CampaignError
 from campaign.plan import Plan
-from campaign.store import Part
+from campaign.store import Part, Store
+from campaign.store.manifest import batches_in, segment_of
 from campaign.waits import Wait
 from campaign.worker.batch import run_batches
 from campaign.worker.messages import BatchRequest, BatchResult, CampaignAddress
@@ -29,12 +30,13 @@ class WorkQueue:
     """Batches to compute in the order of their samples, and ``parts``, those of completed ones, by number.
 
     Batches beyond the first ``end`` samples are left out; ``unrepeated`` are those with a missing repeat. Only batches
-    below `limit` are handed out.
+    below `limit` are handed out. `unrecorded` are the segments of the manifest that lack a part, None: perhaps all.
     """
 
     def __init__(self, plan: Plan, parts: Mapping[int, Part], end: int, unrepeated: Set[int] = frozenset()) -> None:
         self._plan = plan
         self.parts = dict(parts)
+        self.unrecorded: set[int] | None = None
         self._complete_prefix = 0  # number of completed batches from the first on without a gap
         self.limit = plan.batches_before(end)
         # numbers only: 200,000 requests take half a second to make
@@ -58,6 +60,17 @@ class WorkQueue:
     def complete(self, part: Part) -> None:
         """Record the part of a completed batch."""
         self.parts[part.batch] = part
+        if self.unrecorded is not None:
+            self.unrecorded.add(segment_of(part.batch))
+
+    def record(self, store: Store) -> None:
+        """Write into the manifest what it lacks; it is still lacking after StoreError."""
+        if self.unrecorded is None:
+            store.record(self._plan, self.parts.values())
+        else:
+            parts = (self.parts[batch] for batch in batches_in(self.unrecorded) if batch in self.parts)
+            store.record(self._plan, parts, self.unrecorded)
+        self.unrecorded = set()
 
     def completed(self, samples: int) -> bool:
         """Return whether the rows of all the first ``samples`` samples are in the store."""

@@ -1,7 +1,7 @@
 """Compute rows again, for runs that crashed or timed out for a reason that has been fixed."""
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Set
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -71,6 +71,8 @@ def rerun(
         begun()
         if cluster.starts_here and simulate is engine_simulate:
             compile_first(workers)
+        for table, of_table in zip((plan, *sets), (batches, *again), strict=True):
+            _forget(store, table, of_table.keys())
         for batch, selected in batches.items():
             workers.submit(f"rerun-{batch:06d}", rerun_batch, address, batch, tuple(selected))
         for at, of_set in enumerate(again):
@@ -86,6 +88,13 @@ def rerun(
             store.record(table, store.survey(table).parts.values())
     counts = [dict(sorted(counted.items())) for counted in (before, after, of_repeats)]
     return RerunResult(sum(after.values()), *counts)
+
+
+def _forget(store: Store, table: PlanHeader, batches: Set[int]) -> None:
+    """Take batches out of the manifest: it would vouch for the rows before if a part had the same size after."""
+    if batches:
+        parts = store.survey(table).parts
+        store.record(table, [part for batch, part in parts.items() if batch not in batches])
 
 
 def rerun_requested(store: Store, plan: Plan, cluster: Cluster, simulate: Simulate = simulate) -> RerunResult | None:

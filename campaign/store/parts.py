@@ -1,28 +1,22 @@
-"""Parts, the files of rows: their names, their content, the seal that shows that a file is sound, and their survey.
+"""Parts, the files of rows: their names, their content, and the seal that shows that a file is sound.
 
 Each part is a Parquet file with a seal in its metadata: campaign, samples, columns, statuses, and a SHA-256 over the
 whole file. So every file proves by itself that it is complete, and rows are counted without reading them. A merged file
 holds the rows of several batches and is otherwise the same.
-
-A survey finds out which parts of a plan a store holds, from a listing, the manifest, and the files that the manifest
-lacks.
 """
 
 import hashlib
 import io
 import json
-import logging
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
-from campaign.errors import StoreError, file_gone
+from campaign.errors import file_gone
 from campaign.plan_header import PlanHeader
-from campaign.store.files.files import Files, OddFile
-from campaign.store.layout import manifest_name
+from campaign.store.files.files import OddFile
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -36,10 +30,6 @@ _UNSEALED = b"0" * 64  # stands for the digest while the digest is computed
 _PART = re.compile(r"part-(\d{6,9})\.parquet")
 _MERGED = re.compile(r"rows-(\d{6,9})-(\d{6,9})\.parquet")
 LARGEST_DECODED = 2**30  # bytes: thirty times what the largest merged file takes
-MANIFEST_FORMAT = 1
-READERS = 8  # files read at a time
-
-logger = logging.getLogger(__name__)
 
 
 class BadPart(Exception):
@@ -232,111 +222,7 @@ def total(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
     return dict(sorted(summed.items()))
 
 
-# -- the manifest ------------------------------------------------------------------------------------------------------
-#
-# ``manifest.json`` lists the parts as last checked, so that they need not be read again. It only saves time: a file
-# that it does not list, or lists with another size, is read.
-
-
-def dump_manifest(plan: PlanHeader, parts: Iterable[Part]) -> bytes:
-    """Return the content of a manifest."""
-    files: dict[str, Any] = {}
-    for part in sorted(parts, key=lambda part: part.batch):
-        entry = files.setdefault(part.file, {"size": part.size, "sha256": part.sha256, "statuses": {}})
-        entry["statuses"][str(part.batch)] = part.statuses
-    document = {"format": MANIFEST_FORMAT, "campaign": plan.sealed_as, "digest": _digest(files), "files": files}
-    return (json.dumps(document, separators=(",", ":")) + "\n").encode()
-
-
-def parse_manifest(plan: PlanHeader, content: bytes) -> dict[str, list[Part]]:
-    """Return the parts that a manifest names, by file; ValueError if it is not this plan's, or was changed."""
-    document = json.loads(content)
-    try:
-        if (document["format"], document["campaign"]) != (MANIFEST_FORMAT, plan.sealed_as):
-            raise ValueError("it belongs to another campaign or has another format")
-        if document["digest"] != _digest(document["files"]):
-            raise ValueError("its content was changed after it was written")
-        files = {name: _listed_parts(plan, name, entry) for name, entry in document["files"].items()}
-        return {name: parts for name, parts in files.items() if parts}
-    except (KeyError, TypeError, AttributeError) as error:
-        raise ValueError(f"its content is not that of a manifest ({error!r})") from error
-
-
-def _listed_parts(plan: PlanHeader, name: str, entry: dict[str, Any]) -> list[Part]:
-    """Return the parts in a file, as its entry lists them; empty if the entry does not list all of them."""
-    span = batches_of(name, plan)
-    size, sha256 = int(entry["size"]), str(entry["sha256"])
-    if span is None or size <= 0 or not re.fullmatch("[0-9a-f]{64}", sha256):
-        raise ValueError(f"it lists a file that cannot be a file of rows: {name[:60]!r}")
-    merged = span if name.startswith("rows") else None
-    parts = []
-    for key, statuses in entry["statuses"].items():
-        batch, rows = int(key), sum(statuses.values())
-        if not span[0] <= batch <= span[1] or rows != plan.batches[batch][1]:
-            raise ValueError(f"its number of rows of batch {batch} differs from the plan")
-        parts.append(Part(batch, rows, statuses, size, sha256, merged))
-    return parts if len(parts) == span[1] - span[0] + 1 else []
-
-
-def _digest(files: dict[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(files, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
-
-
-# -- the survey --------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Survey:
-    """The parts and rows of a plan that a store holds."""
-
-    parts: dict[int, Part]  # sound ones, by batch
-    missing: list[int]  # batches whose rows the table still lacks; none beyond its end
-    bad: dict[int, str]  # what is wrong with bad files, by batch; it is missing unless another file holds it too
-    statuses: dict[str, int]  # number of rows of the table by status
-    rows: int  # of the table
-
-
-@dataclass
-class PartIndex:
-    """The sound parts of a plan and its bad files, collected during a survey."""
-
-    parts: dict[int, Part] = field(default_factory=dict)  # to read each batch from
-    bad: dict[int, str] = field(default_factory=dict)  # what is wrong with the bad files, by batch
-
-    def add(self, parts: Iterable[Part]) -> None:
-        """Add the parts of a file; of two parts of a batch, the one that `rank` puts first is kept."""
-        for part in parts:
-            other = self.parts.get(part.batch)
-            if other is None or rank(part) < rank(other):
-                self.parts[part.batch] = part
-
-
-def rank(part: Part) -> tuple[int, int]:
-    """Return a sort key for the files that hold a batch: its own file first, then longer merged files first."""
-    # a rerun writes a part beside the merged file, so the part is the newer one
-    return (0, 0) if part.merged is None else (1, part.merged[0] - part.merged[1])
-
-
-def survey(files: Files, plan: PlanHeader, end: int, *, verify: bool) -> Survey:
-    """Return which parts and rows of a plan a store holds; rows from ``end`` on do not count. See `Store.survey`."""
-    index = _index_parts(files, plan, verify=verify)
-    parts = dict(sorted(index.parts.items()))
-    needed = range(plan.batches_before(end))
-    statuses = total(_count_statuses(files, plan, parts[batch], end) for batch in needed if batch in parts)
-    missing = [batch for batch in needed if batch not in parts]
-    return Survey(parts, missing, dict(sorted(index.bad.items())), statuses, sum(statuses.values()))
-
-
-def load_manifest(files: Files, plan: PlanHeader) -> dict[str, list[Part]]:
-    """Return the parts that the manifest lists, by file; empty, with a warning, if it cannot be used."""
-    name = manifest_name(plan)
-    try:
-        return parse_manifest(plan, files.read(name))
-    except FileNotFoundError:
-        return {}
-    except (ValueError, StoreError, RecursionError) as error:  # RecursionError: JSON nested too deeply
-        logger.warning("%s is not valid, so all parts are read instead: %s", name, error)
-        return {}
+# -- files of rows ----------------------------------------------------------------------------------------------------
 
 
 class Reader(Protocol):
@@ -377,81 +263,3 @@ def _read_content(files: Reader, plan: PlanHeader, name: str) -> bytes:
         return files.read(f"{folder(plan)}/{name}")
     except OddFile as error:
         raise BadPart(error.reason) from error
-
-
-def _index_parts(files: Files, plan: PlanHeader, *, verify: bool) -> PartIndex:
-    """Return the sound and the bad files in a plan's folder of parts."""
-    # If parts are merged while the folder is being listed, the listing may miss both the part and the merged file. So
-    # if a batch is missing, the folder is listed a second time.
-    recorded, index = load_manifest(files, plan), PartIndex()
-    done: set[str] = set()
-    for _ in range(2):
-        sizes = files.sizes(folder(plan))
-        if files.local:  # the listing of a shared folder may lag behind its files
-            sizes |= _sizes_of_unlisted(files, plan, recorded.keys() - sizes.keys())
-        to_read = []
-        for name in sorted(sizes.keys() - done):
-            # a listing has the size, but the hash takes reading the file: only ``verify`` finds damage that keeps it
-            known = recorded.get(name) if batches_of(name, plan) else None
-            if not verify and known and known[0].size == sizes[name]:
-                index.add(known)
-            else:
-                to_read.append(name)
-        _check_files(files, plan, to_read, index)
-        done |= sizes.keys()
-        if len(index.parts) == len(plan.batches):
-            break
-    return index
-
-
-def _sizes_of_unlisted(files: Files, plan: PlanHeader, names: Iterable[str]) -> dict[str, int]:
-    """Return the sizes of the files that exist although the listing lacks them."""
-    sizes = {}
-    for name in names:
-        try:
-            sizes[name] = files.size(f"{folder(plan)}/{name}")
-        except FileNotFoundError:
-            continue
-    return sizes
-
-
-def _check_files(files: Files, plan: PlanHeader, names: list[str], index: PartIndex) -> None:
-    """Read files, several at a time because an object store answers slowly, and add them to the index."""
-
-    # If the store fails, only this thread waits for it, so that Ctrl-C ends the waiting.
-    def check_one(files: Files, name: str) -> list[Part] | str:
-        try:
-            return check_file(files, plan, name)
-        except FileNotFoundError:  # merged or quarantined since the listing
-            return []
-        except BadPart as error:
-            return f"{name} {error}"
-
-    def try_one(name: str) -> list[Part] | str | None:
-        try:
-            return check_one(files.hasty, name)
-        except StoreError:
-            return None
-
-    files_of_rows = [name for name in names if batches_of(name, plan)]
-    with ThreadPoolExecutor(READERS) as pool:
-        for name, tried in zip(files_of_rows, pool.map(try_one, files_of_rows), strict=True):
-            # a pool cannot be left before its threads end, so they try once and the waiting is done here
-            result = check_one(files, name) if tried is None else tried
-            if isinstance(result, str):
-                first, last = batches_of(name, plan) or (0, -1)
-                index.bad.update(dict.fromkeys(range(first, last + 1), result))
-            else:
-                index.add(result)
-
-
-def _count_statuses(files: Files, plan: PlanHeader, part: Part, end: int) -> dict[str, int]:
-    """Return the number of rows of a part before row ``end``, by status."""
-    first, count = plan.batches[part.batch]
-    if first + count <= end:
-        return part.statuses
-    # the table ends within this batch, where the stopping rule ended the campaign, and a seal counts whole batches
-    table = read_file(files, plan, part.file, ["status"])
-    begin = plan.batches[part.merged[0] if part.merged else part.batch][0]
-    statuses = table["status"].slice(first - begin, end - first).to_pylist()
-    return {status: statuses.count(status) for status in set(statuses)}

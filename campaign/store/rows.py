@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 from campaign.errors import StoreError, file_gone
 from campaign.plan_header import PlanHeader
 from campaign.store.files.files import Files
+from campaign.store.files.several import READERS
 from campaign.store.parts import (
-    READERS,
     ROW_GROUP,
     BadPart,
     Part,
@@ -27,8 +27,8 @@ from campaign.store.parts import (
     folder,
     part_name,
     read_file,
-    survey,
 )
+from campaign.store.survey import survey
 
 if TYPE_CHECKING:
     import pyarrow as pa

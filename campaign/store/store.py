@@ -26,10 +26,11 @@ from campaign.store.layout import (
     REPEATS,
     REPORT,
     STOPPED,
-    manifest_name,
 )
-from campaign.store.parts import Part, Survey, check, dump_manifest, encode, part_name, read_part_file, survey, total
+from campaign.store.manifest import record_parts
+from campaign.store.parts import Part, check, encode, part_name, read_part_file, total
 from campaign.store.rows import Compacted, compact, quarantine, read_batch, stream
+from campaign.store.survey import Survey, survey
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -146,9 +147,9 @@ class Store:
         """Return which parts and rows of a plan the store holds; ``verify`` reads all files, also the manifest's."""
         return survey(self.files, plan, self.end(plan), verify=verify)
 
-    def record(self, plan: PlanHeader, parts: Iterable[Part]) -> None:
-        """Write the manifest, so that the next survey need not read these parts."""
-        self.files.write(manifest_name(plan), dump_manifest(plan, parts))
+    def record(self, plan: PlanHeader, parts: Iterable[Part], segments: Collection[int] | None = None) -> None:
+        """Write the manifest, so that the next survey need not read these parts: all of a plan, or of some segments."""
+        record_parts(self.files, plan, parts, segments)
 
     def quarantine(self, plan: PlanHeader, bad: Iterable[int]) -> list[str]:
         """Rename files of bad batches to ``.bad``, so that they are computed again; return the new names."""

@@ -31,7 +31,7 @@ from campaign.spec.load import load_campaign
 from campaign.spec.named_files import FolderFiles, ParquetReader, read_columns
 from campaign.store import BadPart, open_store
 from campaign.store.labels import Labels
-from campaign.store.layout import HEARTBEAT, LEASE, MANIFEST, STATE, STOPPED
+from campaign.store.layout import HEARTBEAT, LEASE, STATE, STOPPED
 from clearcap.cli.campaigns import _entry
 from clearcap.questions.tolerances import read_costs
 from clearcap.questions.whatif import changed_variables
@@ -277,7 +277,7 @@ def documents(folder, count):
     store.write_json(name, HEARTBEAT, Heartbeat(name, "running", 12, 5, 5, 0, 7, {"ok": 5}, 1.0, 7.0, 1).to_json())
     store.write_json(name, LEASE, {"token": "1", "name": "here", "host": "there", "pid": 1, "started": "5"})
     store.write_json(name, STOPPED, {"samples": 10})
-    sound = {each: store.files.read(f"{name}/{each}") for each in (HEARTBEAT, LEASE, STATE, STOPPED, MANIFEST)}
+    sound = {each: store.files.read(f"{name}/{each}") for each in (HEARTBEAT, LEASE, STATE, STOPPED, "manifest.json")}
 
     def mutate(random):
         each = random.choice(list(sound))

@@ -21,7 +21,8 @@ from campaign.plan_header import PARTS
 from campaign.samples import SampleColumns
 from campaign.store import Store, open_store
 from campaign.store.files.retry_policy import QUICK
-from campaign.store.layout import MANIFEST, PLAN, STOPPED
+from campaign.store.files.several import content, read_several
+from campaign.store.layout import PLAN, STOPPED, is_of_manifest
 from clearcap.questions.samples import list_samples, sample_cloud
 from clearcap.questions.tolerances import (
     advice_document,
@@ -288,16 +289,12 @@ def rows_version(store: Store, campaign: str) -> str:
     Files that the manifest does not list yet count by name and size. Merging files changes it, although no row does.
     """
     digest = hashlib.sha256()
-    for name in (PLAN, MANIFEST, STOPPED):
-        try:
-            content = store.files.read(f"{campaign}/{name}")
-        except FileNotFoundError:
-            if name == PLAN:
-                raise StoreError(
-                    f"store {store.url}: has no campaign {campaign}; see: {store.command('list')}"
-                ) from None
-            content = b""
-        digest.update(hashlib.sha256(content).digest())
+    documents = (PLAN, STOPPED, *sorted(filter(is_of_manifest, store.files.names(campaign))))
+    for path, tried in read_several(store.files, [f"{campaign}/{name}" for name in documents], content):
+        found = content(store.files, path) if tried is None else tried
+        if not found and path.endswith(PLAN):
+            raise StoreError(f"store {store.url}: has no campaign {campaign}; see: {store.command('list')}")
+        digest.update(path.encode() + hashlib.sha256(found).digest())
     for name, size in sorted(store.files.sizes(f"{campaign}/{PARTS}").items()):
         digest.update(f"{name} {size}\n".encode("utf-8", "surrogateescape"))
     return digest.hexdigest()

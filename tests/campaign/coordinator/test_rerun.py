@@ -1,5 +1,6 @@
 """Rows computed again: those selected, in the place of the old ones, and nothing else changes."""
 
+from contextlib import nullcontext
 from functools import partial
 
 import pytest
@@ -9,7 +10,8 @@ from campaign.coordinator.lease import LeaseHeld, hold_lease
 from campaign.coordinator.requests import request_rerun, rerun_request
 from campaign.coordinator.rerun import failed_samples, rerun, rerun_requested
 from campaign.coordinator.state import state_of
-from campaign.errors import SpecError
+from campaign.errors import SpecError, StoreError
+from campaign.store.manifest import load_manifest
 from campaign.worker.messages import WrongBuild
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed
@@ -41,6 +43,22 @@ def test_failed_rows_are_replaced(broken, workers):
         assert row["earlier_attempts"] == ("crashed (ArithmeticError: no solution)" if fixed else "")
         assert row["attempts"] == (2 if fixed else 1)
     assert store.survey(plan, verify=True).bad == {}
+
+
+def test_no_manifest_vouches_for_the_rows_before(broken, monkeypatch):
+    """While parts are replaced it lists the others only: a new part may have the size of the old one."""
+
+    class Refusing:
+        def submit(self, *_):
+            raise StoreError("no worker")
+
+    store, plan, _ = broken
+    parts = store.survey(plan).parts
+    store.record(plan, parts.values())
+    monkeypatch.setattr("campaign.coordinator.rerun.connect_workers", lambda _: nullcontext(Refusing()))
+    with pytest.raises(StoreError, match="no worker"):
+        rerun(store, plan, [12], Cluster(workers=1), fake_engine.simulate)
+    assert load_manifest(store.files, plan) == {parts[batch].file: [parts[batch]] for batch in (0, 2)}
 
 
 def test_rows_remember_all_they_were(broken, workers):

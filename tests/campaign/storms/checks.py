@@ -7,7 +7,7 @@ import pyarrow as pa
 from campaign.plan_header import repeated_samples
 from campaign.store import layout
 from campaign.store.files.files import TEMPORARY
-from campaign.store.parts import load_manifest
+from campaign.store.manifest import load_manifest
 from campaign.store.store import read_repeats, repeat_plans, survey_repeats
 
 VARIES = ["wall_s", "attempts"]
@@ -52,7 +52,7 @@ def check_whole(store, plan, reference):
     assert {part.batch: part for parts in known.values() for part in parts} == survey.parts
     root = plan.campaign_id
     names = set(store.files.names(root)) - {layout.REPORT, layout.LOG, layout.SUBMISSION, layout.labels_name(1)}
-    kept = {"plan.json", "campaign.toml", "state.json", "heartbeat.json", "parts", layout.MANIFEST}
+    kept = {"plan.json", "campaign.toml", "state.json", "heartbeat.json", "parts", "manifest.json"}
     kept |= {"repeats-1", "repeats-1.json"}
     assert names == kept, names ^ kept  # no lease, no marker, nothing temporary
     for folder in ("parts", "repeats-1"):
