@@ -24,6 +24,7 @@ from benchmarks import (
     machine,
     peers,
     report,
+    scheduler,
     web_answers,
     web_load,
 )
@@ -40,6 +41,7 @@ PARTS: dict[str, dict[str, Callable[[float], Any]]] = {
     "campaign": {"campaign": lambda _: campaign.measure()},
     "overhead": {"overhead": lambda _: campaign.measure_overhead()},
     "coordinator": {"coordinator": lambda _: coordinator.measure()},
+    "scheduler": {"scheduler": lambda _: scheduler.measure()},
     "report": {"report": lambda _: report.measure()},
     "first_use": {"first_use": first_use.measure},
     "siconos": {
@@ -65,6 +67,7 @@ TITLES: dict[str, str | dict[str, str]] = {
     "campaign": "clearcap run against bare processes",
     "overhead": "clearcap with runs that take no time",
     "coordinator": "a coordinator of workers by a clock, on a store that answers in 20 ms",
+    "scheduler": "a dask scheduler of workers that answer at once, processor time",
     "report": "report of made-up samples, processes of their own",
     "first_use": "first use, processes of their own",
     "siconos": "friction solver against Siconos, from nothing, medians",

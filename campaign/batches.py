@@ -18,7 +18,7 @@ class Batches(Sequence[Span]):
     size: int
 
     def __post_init__(self) -> None:
-        if not 1 <= self.size <= self.samples:
+        if not 1 <= self.size <= self.samples < 2**63:
             raise ValueError(f"its batches have {self.size} samples each; allowed: 1 to all its {self.samples} samples")
 
     def __len__(self) -> int:
