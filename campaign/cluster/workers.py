@@ -4,6 +4,7 @@ No other module submits work to dask.
 """
 
 import logging
+import math
 import os
 import secrets
 import socket
@@ -18,6 +19,7 @@ from typing import Any, Protocol, TypeVar, cast
 
 import distributed
 from distributed import Client, KilledWorker, get_worker
+from distributed.scheduler import heartbeat_interval
 
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.connect import connect
@@ -32,9 +34,11 @@ from engine import missing_kernels, warm_up
 ATTEMPTS = 3  # to load or compile the engine
 ANSWERS_WITHIN = 30.0  # s for the scheduler to answer, and for the result of a finished call to arrive
 SILENT_AFTER = 60.0  # s without a heartbeat, after which a worker is taken to hang
+MISSED = 3  # heartbeats that it may miss at least: of 10,000 workers dask wants one every 51 s
 GONE_AFTER = 150.0  # s without any worker of this machine; longer than a worker takes to start
 RETURNS_WITHIN = 8.0  # s for a killed worker to be replaced
 LOOK_INTERVAL = 2.0  # s between two checks for silent workers
+SEEN_FOR = 1.0  # s for which a look at the workers counts: one at 10,000 takes scheduler and client 0.3 s each
 RETRY_INTERVAL = 0.5  # s between two checks for a worker that is not refused
 _OUTAGES = "clearcap-store"  # topic of what workers say of the store
 REMEMBERED = 300.0  # s for which a lost worker is told of, unless it comes back before
@@ -135,6 +139,7 @@ class DaskWorkers:
         self._finished: SimpleQueue[distributed.Future[Any]] = SimpleQueue()
         self._liveness = Liveness(SILENT_AFTER)
         self._looked_at = time.monotonic()
+        self._seen: tuple[float, dict[str, float]] = -math.inf, {}  # when, and what, by `_heartbeats`
         self._silent: set[str] = set()
         self._looks_without = 0  # successive checks that found no worker
         self._outages: dict[str, Wait] = {}  # of the store, as workers meet them, by the worker's address
@@ -147,7 +152,7 @@ class DaskWorkers:
 
     def count(self) -> int:
         """Return the number of workers that the scheduler knows and that are not refused."""
-        return len(self._addresses() - self._refused)
+        return len(self._seen_lately().keys() - self._refused)
 
     def waits(self) -> list[Wait]:
         """Return the store's refusals, the jobs that wait in a queue, and the workers lost in the last minutes."""
@@ -245,7 +250,15 @@ class DaskWorkers:
         self._roster.look(present, self._refused)
         for gone in self._outages.keys() - known.keys():
             self._outages.pop(gone, None)
-        return {address: worker["last_seen"] for address, worker in known.items()}
+        heartbeats = {address: float(worker["last_seen"]) for address, worker in known.items()}
+        self._seen = time.monotonic(), heartbeats
+        return heartbeats
+
+    def _seen_lately(self) -> dict[str, float]:
+        """Return what `_heartbeats` returned a moment ago, or returns now."""
+        at, heartbeats = self._seen
+        is_fresh = self._client.status == "running" and time.monotonic() - at < SEEN_FOR
+        return heartbeats if is_fresh else self._heartbeats()
 
     def _look(self) -> None:
         """Look for silent workers and have them replaced, at most every two seconds."""
@@ -253,7 +266,7 @@ class DaskWorkers:
         if now - self._looked_at < LOOK_INTERVAL:
             return
         self._looked_at = now
-        heartbeats = self._heartbeats()
+        heartbeats = self._seen_lately()
         self._looks_without = 0 if heartbeats else self._looks_without + 1
         if self._started_here and self._looks_without * LOOK_INTERVAL > GONE_AFTER:
             raise SchedulerLost("all workers of this machine are gone, and none returns")
@@ -261,7 +274,7 @@ class DaskWorkers:
             logger.warning(
                 "worker %s sends no heartbeat for %.0f s: it hangs and is replaced; its batches are computed again",
                 worker,
-                SILENT_AFTER,
+                self._liveness.longest(len(heartbeats)),
             )
             self._silent.add(worker)
             self._replace(worker)
@@ -322,17 +335,21 @@ def _call(function: Callable[..., Any], *arguments: Any) -> Answered:
 
 
 class Liveness:
-    """Which workers have sent no heartbeat for ``longest`` seconds, because they hang or were stopped.
+    """Which workers have sent no heartbeat for ``at_least`` seconds, or longer, because they hang or were stopped.
 
     The time without one is counted only while this process is awake: a check adds at most twice the interval between
     checks. If a laptop sleeps or all processes of a campaign are stopped, no worker is to blame.
     """
 
-    def __init__(self, longest: float) -> None:
-        self._longest = longest
+    def __init__(self, at_least: float) -> None:
+        self._at_least = at_least
         self._heartbeats: dict[str, float] = {}
         self._silent_for: dict[str, float] = {}
         self._looked_at: float | None = None
+
+    def longest(self, workers: int) -> float:
+        """Return how long one of so many workers may send no heartbeat [s]."""
+        return max(self._at_least, MISSED * heartbeat_interval(workers))
 
     def look(self, heartbeats: Mapping[str, float], now: float) -> list[str]:
         """Return the workers silent at a monotonic time [s], and count anew; only heartbeats that change count."""
@@ -343,7 +360,8 @@ class Liveness:
             for worker, last in heartbeats.items()
         }
         self._heartbeats = dict(heartbeats)
-        silent = [worker for worker, seconds in self._silent_for.items() if seconds >= self._longest]
+        longest = self.longest(len(heartbeats))
+        silent = [worker for worker, seconds in self._silent_for.items() if seconds >= longest]
         self._silent_for.update(dict.fromkeys(silent, 0.0))
         return silent
 

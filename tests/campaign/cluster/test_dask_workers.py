@@ -230,6 +230,20 @@ def test_refused_workers_are_left_out(client, workers):
     assert workers.count() == 1
 
 
+def test_one_look_serves_who_asks_next(client, workers, monkeypatch):
+    """For a moment: it takes long with many workers. That the scheduler is lost is seen at once."""
+    monkeypatch.setattr(of_dask, "SEEN_FOR", 1e9)
+    assert [workers.count() for _ in range(3)] == [2, 2, 2]
+    assert client.looks == 1
+    monkeypatch.setattr(of_dask, "SEEN_FOR", 0.0)
+    client.workers = 3
+    assert (workers.count(), client.looks) == (3, 2)
+    monkeypatch.setattr(of_dask, "SEEN_FOR", 1e9)
+    client.status = "closed"
+    with pytest.raises(SchedulerLost):
+        workers.count()
+
+
 @pytest.fixture
 def silence():
     return Liveness(60.0)
@@ -254,6 +268,14 @@ def test_a_worker_that_sends_heartbeats_is_not(silence):
     """Rare ones are enough; clocks may jump."""
     assert look(silence, every_two_seconds(0.0, 600.0), lambda now: now // 50.0) == []
     assert look(silence, every_two_seconds(602.0, 900.0), lambda now: -(now // 50.0)) == []
+
+
+def test_many_workers_send_heartbeats_rarely(silence):
+    """As rarely as the scheduler asks them to: none of 10,000 is taken to hang before three are missing."""
+    workers = dict.fromkeys(map(str, range(10_000)), 0.0)
+    times = every_two_seconds(0.0, 160.0)
+    assert [now for now in times if silence.look(workers, now)] == [154.0]
+    assert (silence.longest(10_000), silence.longest(1000)) == (153.0, 60.0)
 
 
 def test_time_in_which_nobody_looked_does_not_count(silence):
