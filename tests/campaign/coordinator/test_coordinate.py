@@ -212,8 +212,8 @@ def test_rows_computed_again_count_once(tmp_path, campaign, workers, monkeypatch
     """A part that was damaged meanwhile is quarantined and computed again; heartbeats count its rows once."""
     record, damaged = Store.record, []
 
-    def damaging(self, plan, parts):
-        record(self, plan, parts)
+    def damaging(self, plan, *parts):
+        record(self, plan, *parts)
         if not damaged and not self.survey(plan).missing:
             damaged.append(part_name(plan, 0))
             self.files.write(damaged[0], b"damaged")

@@ -67,11 +67,11 @@ def test_rows_that_arrive_after_the_end_do_not_count(tmp_path, campaign_file, wo
     """A worker may finish a batch beyond the end when nobody waits for it any more."""
     record = Store.record
 
-    def late(self, plan, parts):
+    def late(self, plan, *parts):
         if isinstance(plan, Plan):
             address = CampaignAddress(self.url, plan.campaign_id, plan.row_build, fake_engine.simulate)
             run_batch(address, BatchRequest(len(plan.batches) - 1))
-        record(self, plan, parts)
+        record(self, plan, *parts)
 
     monkeypatch.setattr(Store, "record", late)
     heartbeats = []
