@@ -116,16 +116,12 @@ class Callee:
 
     def __init__(self, function: Callable[..., Any], options: Mapping[str, Any]) -> None:
         self.py_func, self._options = function, options
-        update_wrapper(self, function)
+        update_wrapper(self, function)  # type: ignore[arg-type]  # Python does not call it
 
     @cached_property
     def compiled(self) -> Any:
         """The same as Numba knows it."""
         return _made_once(self, self._options)
-
-    def __call__(self, *arguments: Any) -> Any:
-        """Call it from Python, as tests do."""
-        return self.compiled(*arguments)
 
 
 class Kernel:

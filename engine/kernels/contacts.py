@@ -107,6 +107,12 @@ def whitened_rows(bodies, contacts, x, R, sites, i, rows, j):
 
     M^-1/2 is 1/sqrt(m) for the translation and L^-T for the rotation.
     """
+    write_rows(bodies, contacts, x, R, sites, i, rows, j, 3)
+
+
+@inner
+def write_rows(bodies, contacts, x, R, sites, i, rows, j, count):
+    """Do so for the first ``count`` rows: only the normal one, or all three."""
     root, point, frame = bodies.inverse_root, sites.point, sites.frame
     rows.pair[j, 0, 1] = rows.pair[j, 1, 0] = contacts.pair[i]
     for side in range(2):
@@ -118,7 +124,7 @@ def whitened_rows(bodies, contacts, x, R, sites, i, rows, j):
         sign = 1.0 - 2.0 * side
         s = sign / np.sqrt(bodies.mass[body])
         d0, d1, d2 = point[i, 0] - x[body, 0], point[i, 1] - x[body, 1], point[i, 2] - x[body, 2]
-        for k in range(3):
+        for k in range(count):
             t0, t1, t2, G = frame[i, k, 0], frame[i, k, 1], frame[i, k, 2], rows.G[j, k]
             m0, m1, m2 = d1 * t2 - d2 * t1, d2 * t0 - d0 * t2, d0 * t1 - d1 * t0
             b0 = R[body, 0, 0] * m0 + R[body, 1, 0] * m1 + R[body, 2, 0] * m2

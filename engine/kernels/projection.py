@@ -8,15 +8,16 @@ bore curves away, and the next round finds as much penetration. Then the metric 
 
 import numpy as np
 
-from engine.friction.arrays import CONVERGED
+from engine.friction.arrays import CONVERGED, NOT_CONVERGED
 from engine.friction.bilateral import factorise_bilateral, hold_bilateral
 from engine.friction.blocks import ROW
+from engine.friction.frictionless import fits, solve_frictionless
 from engine.friction.solver import solve_friction
 from engine.jit import inner
 from engine.jit.lanes import fused, read, spread, total
 from engine.kernels.bilateral import rows_at_pose, slack, whitened_bilateral_rows
 from engine.kernels.broad_phase import consume_budget, find_contacts_within, find_near_contacts
-from engine.kernels.contacts import add_whitened, contact_velocity, whitened_rows
+from engine.kernels.contacts import add_whitened, contact_velocity, write_rows
 from engine.kernels.energy import work_of_displacement
 from engine.kernels.model import JOINT_FRICTION
 from engine.kernels.vectors import rotation_matrix, turn
@@ -66,9 +67,18 @@ def project_positions(bodies, metric, contacts, rows, state, work, problem, cont
             factorise_bilateral(problem.system, problem.bilateral)
             hold_bilateral(problem.system, problem.bilateral, at_pose.violation, problem.w)
             add_whitened(weights, problem.w, displacement)
-        nc = gather_displacement_problem(weights, contacts, state, work, displacement, problem, within)
+        nc = count_contacts(contacts, state, work, within)
         if nc > 0:
-            solved, _, _ = solve_friction(nc, problem, TOLERANCE)
+            solved = NOT_CONVERGED
+            for friction in range(0 if fits(nc, problem) else 1, 2):  # with the method for friction, which takes all
+                count = 3 if friction else 1
+                gather_displacement_problem(weights, contacts, state, work, displacement, problem, within, count)
+                if friction:
+                    solved, _, _ = solve_friction(nc, problem, TOLERANCE)
+                else:
+                    solved = solve_frictionless(nc, problem, TOLERANCE)
+                if solved == CONVERGED:
+                    break
             if solved != CONVERGED:
                 break
             add_whitened(weights, problem.w, displacement)
@@ -106,25 +116,38 @@ def largest_violations(metric, rows, at_pose):
 
 
 @inner
-def gather_displacement_problem(bodies, contacts, state, work, displacement, problem, within):
-    """Write the displacement problem of the contacts with gaps up to ``within``; return their number.
+def takes_part(contacts, state, work, within, i):
+    """Return whether contact i takes part: its gap, counted from the depth to which it may penetrate, is small."""
+    return state.gap[i] + work.depth[i] <= within and contacts.kind[i] < JOINT_FRICTION  # a direction has no place
 
-    The gap of a contact that may penetrate to some depth counts from there.
-    """
-    n, sites, u, depth = 0, work.sites, work.u, work.depth
+
+@inner
+def count_contacts(contacts, state, work, within):
+    """Return the number of contacts that take part."""
+    n = 0
     for i in range(state.gap.shape[0]):
-        if state.gap[i] + depth[i] <= within and contacts.kind[i] < JOINT_FRICTION:  # a direction has no place
-            whitened_rows(bodies, contacts, state.x, state.R, sites, i, problem.rows, n)
-            contact_velocity(contacts, state.x, state.R, sites, displacement, i, u)
+        n += 1 if takes_part(contacts, state, work, within, i) else 0
+    return n
+
+
+@inner
+def gather_displacement_problem(bodies, contacts, state, work, displacement, problem, within, count):
+    """Write the displacement problem of the contacts that take part, with ``count`` rows each: 1 or 3."""
+    n, sites, u, joints = 0, work.sites, work.u, work.bilateral.violation.shape[0] > 0
+    for i in range(state.gap.shape[0]):
+        if takes_part(contacts, state, work, within, i):
+            write_rows(bodies, contacts, state.x, state.R, sites, i, problem.rows, n, count)
             problem.mu[n] = 0.0
             for k in range(3):
                 problem.q[n, k] = 0.0
                 problem.r[n, k] = 0.0
-            problem.q[n, 0] = state.gap[i] + depth[i] + u[i, 0]
+            problem.q[n, 0] = state.gap[i] + work.depth[i]
+            if joints:
+                contact_velocity(contacts, state.x, state.R, sites, displacement, i, u)
+                problem.q[n, 0] += u[i, 0]
             if problem.q[n, 0] < 0.0:  # initial guess: each contact corrects its own violation
                 problem.r[n, 0] = -problem.q[n, 0] / normal_delassus(problem.rows, n)
             n += 1
-    return n
 
 
 @inner
