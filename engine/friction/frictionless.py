@@ -13,13 +13,16 @@ from engine.jit import inner
 from engine.jit.lanes import LANES, fused, read, spread, total, write
 
 GUESSES = 12  # usually three are needed
+MOST = (
+    24  # contacts; where more rattle, as in long chains with play, steps need more iterations after its exact solution
+)
 REDUNDANT = 1e-10  # share of a contact's own entry in W that the pivot of a redundant contact is set to
 
 
 @inner
 def fits(nc, p):
-    """Return whether `solve_frictionless` takes this problem: there are no bilateral rows, and its system is small."""
-    return p.bilateral.J.shape[0] == 0 and 2 * nc * _width(nc) <= p.K.shape[0]
+    """Return whether `solve_frictionless` takes this problem: few contacts, and no bilateral rows."""
+    return nc <= MOST and p.bilateral.J.shape[0] == 0 and 2 * nc * _width(nc) <= p.K.shape[0]
 
 
 @inner

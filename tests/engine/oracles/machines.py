@@ -210,6 +210,7 @@ def toggle(angle: float, play: float, friction: float = 0.0) -> dict[str, Any]:
     def pin(bearing: str, at: float, journal: str, on: float) -> dict[str, Any]:
         return {
             "type": "clearance_revolute", "rings": [-0.01, 0.01], "radial_clearance": play, "friction": friction,
+            **({} if friction else {"flanges": {"radius": 0.006}, "axial_clearance": play}),  # or they would slide off
             "bearing": {"body": bearing, "point": [at, 0, 0], "axis": [0, 1, 0]},
             "journal": {"body": journal, "point": [on, 0, 0], "axis": [0, 1, 0], "radius": 0.004},
         }  # fmt: skip
