@@ -13,9 +13,7 @@ from engine.jit import inner
 from engine.jit.lanes import LANES, fused, read, spread, total, write
 
 GUESSES = 12  # usually three are needed
-MOST = (
-    24  # contacts; where more rattle, as in long chains with play, steps need more iterations after its exact solution
-)
+MOST = 24  # contacts; long chains with play rattle more after exact solutions, which takes iterations
 REDUNDANT = 1e-10  # share of a contact's own entry in W that the pivot of a redundant contact is set to
 
 
