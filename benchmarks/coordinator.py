@@ -97,7 +97,7 @@ class ClockedWorkers:
         self._free = [0.0] * count  # when each worker is free
         self._moments = dict.fromkeys(responses, Moments(ROWS - 1, 1.0, 1.0))
         self._calls: list[tuple[float, int, Future[Any], list[BatchRequest]]] = []
-        self._submitted, self._seconds = 0, seconds
+        self.calls, self._seconds = 0, seconds
 
     def count(self) -> int:
         """Return the number of workers."""
@@ -115,9 +115,9 @@ class ClockedWorkers:
         _, requests = arguments
         end = max(heapq.heappop(self._free), self.now) + self._seconds * len(requests)
         heapq.heappush(self._free, end)
-        self._submitted += 1
+        self.calls += 1
         future: Future[Any] = Future()
-        heapq.heappush(self._calls, (end, self._submitted, future, requests))
+        heapq.heappush(self._calls, (end, self.calls, future, requests))
         return future
 
     def next_finished(self, timeout: float | None = None) -> Future[Any] | None:
@@ -201,6 +201,7 @@ def coordinate(
         "requests_a_look": of_look,
         "requests_a_record": of_record,
         "simulated_s": on_clock.now,
+        "calls_a_s": on_clock.calls / on_clock.now,  # simulated, of the scheduler
         # share of one core that the coordinator takes while the workers compute
         "busy": busy + min(taken["record_new_s"] / RECORD_INTERVAL, RECORD_SHARE),
         **_resume(store, plan, slow, resumed),

@@ -378,7 +378,7 @@ class Coordinator:
             if result.part is not None:
                 self.queue.complete(result.part)
             self.progress.add(result, worker)
-        # the slowest one: no call shall take longer than `CALL_SECONDS`
+        # the slowest one: no call shall take longer than it may, see `Window`
         window.batch_seconds = max((r.seconds for r in results if r.computed), default=window.batch_seconds)
         check_failures(self.store, self.plan, self.progress)
 

@@ -20,6 +20,7 @@ logger = logging.getLogger(__name__)
 
 CALLS_PER_WORKER = 3  # in flight: one runs, one waits at the worker, one at the scheduler
 CALL_SECONDS = 0.5  # s; the most that batches sent in one call may take: dask spends milliseconds on each call
+CALLS_PER_SECOND = 100  # of all workers, above which calls may take longer: a scheduler of thousands serves 130 to 400
 LARGEST_CALL = 20  # batches
 WARN_AFTER = 60.0  # s without a worker
 TRIES = 10  # attempts in a row at a batch
@@ -150,9 +151,13 @@ class Window:
         return [Wait("workers", self._empty_since), *waits]
 
     def _next_requests(self, queue: WorkQueue) -> list[BatchRequest]:
-        """Return the requests of the next call: one batch, or several short ones if no other workers need to wait."""
+        """Return the requests of the next call: one batch, or several if no other workers need to wait.
+
+        Several are short ones, or spare the scheduler of thousands of workers more calls than it can serve.
+        """
         share = len(queue) // self.size
-        fitting = 1 if self.batch_seconds is None else int(CALL_SECONDS / max(self.batch_seconds, 1e-3))
+        seconds = max(CALL_SECONDS, self.worker_count / CALLS_PER_SECOND)
+        fitting = 1 if self.batch_seconds is None else int(seconds / max(self.batch_seconds, 1e-3))
         most = max(min(fitting, share, LARGEST_CALL), 1)
         requests: list[BatchRequest] = []
         while len(requests) < most and (request := queue.next()) is not None:

@@ -121,6 +121,23 @@ def test_long_batches_travel_alone(begin):
     assert {len(call) for call in workers.batches} == {1}
 
 
+def test_thousands_of_workers_get_several_long_batches_a_call(begin):
+    """Their scheduler could not serve a call for each: a hundred a second, until the last ones are few."""
+    coordinator, workers = begin(3000, 1), ImmediateWorkers()
+    workers.compute = lambda function, *call: [replace(result, seconds=10.0) for result in function(*call)]
+    coordinator.compute(workers)
+    assert {len(call) for call in workers.batches} == {1}
+    window, queue = Window(workers, None), coordinator.queue
+    window.worker_count, window.batch_seconds = 4000, 10.0
+    queue.requeue([BatchRequest(0)] * 100_000)
+    lengths = []
+    while requests := window._next_requests(queue):
+        lengths.append(len(requests))
+    assert lengths[0] == 4  # 40 s: 4,000 workers, 100 calls a second
+    assert lengths[-1] == 1
+    assert lengths == sorted(lengths, reverse=True)
+
+
 def test_no_further_than_a_window_beyond_the_next_checkpoint(begin):
     """Batches beyond the end of a campaign that its stopping rule ends are wasted."""
     coordinator, workers, ahead = begin(None, 2, RULE), ImmediateWorkers(), []
