@@ -66,6 +66,7 @@ class Keyboard:
         self.browser, self.url, self.width, self._with_axe = browser, url, width, with_axe
         self.titles: dict[str, str] = {}
         self._asked: list[str] = []
+        self._focus = ""  # what had the focus last
         set_width(browser, width)
 
     def begin_anew(self) -> None:
@@ -126,15 +127,19 @@ class Keyboard:
         seen = []
         for _ in range(STOPS):
             ActionChains(self.browser).send_keys(Keys.TAB).perform()  # also from a field of a file
-            tag, is_shown, html = self.browser.execute_script(FOCUS)
+            tag = until(self._focused, lambda: f"{self.path}: the focus cannot be seen on {self._focus}")
             if tag == "BODY":  # the browser's own frame, before it begins anew
                 continue
-            assert is_shown, f"{self.path}: the focus cannot be seen on {html}"
             element = self.browser.switch_to.active_element
             seen.append(element.accessible_name)
             if seen[-1] == name and kind.upper() in ("", tag):
                 return element
         raise AssertionError(f"{self.path}: no {kind or 'element'} {name!r} by Tab; there are {seen}")
+
+    def _focused(self) -> str:
+        """Return the tag of what has the focus and shows it; nothing if it does not, as while the page still moves."""
+        tag, is_shown, self._focus = self.browser.execute_script(FOCUS)
+        return tag if is_shown or tag == "BODY" else ""
 
     def write(self, name: str, text: str, kind: str = "") -> None:
         """Replace what a field holds."""
